@@ -319,7 +319,7 @@ MORE = """# More measured data with a known cause
 Printed by `python examples/studies/measured_data.py --more --rows FILE`. The form, and the rules of what
 counts as right, are those of [measured data with a known cause](measured_data.md); "gain beyond" is what the
 extended model gains upon the simulation in log density, a held-out row, with the standard error of that
-paired difference. All rows are read from files beside the repository, and none is part of the package.
+paired difference. All rows are read from files outside the repository, and none is part of the package.
 
 Simulations, priors, splits and what counts as documented were written before the first diagnosis, and none was
 changed afterwards. Only the package was changed: see the remark on the dialyzers.

@@ -174,7 +174,7 @@ MORE_SETS = (
         made.malthus, lambda f: f["year"] <= 1900, "crowding (Verhulst)",
         (hs.DynamicTerm("population", "power"),), "exponent 2", "0.4464 -> 0.01846 (ln)",
         test=lambda f: (f["year"] > 1900) & (f["year"] <= 1940), likelihood="lognormal",
-        remark="twelve rows: crowding, a growth that falls in time and a bend are not told apart, "
+        remark="twelve rows: crowding, a growth that falls in time and a bend cannot be separated, "
         "and crowding, as a kind, comes first.",
     ),
     DataSet(
