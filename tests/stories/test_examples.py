@@ -185,7 +185,7 @@ def test_more_measured_data():
     rows = {
         cells[0]: cells for cells in ([c.strip() for c in x.strip("|").split("|")] for x in lines)
     }
-    # certified by NIST for all rows: 0.0577 a degree, and a rate that fills 5.5e-4 a unit of pressure
+    # certified by NIST for all rows: 0.0577 a degree, and 5.5e-4 filled a unit of pressure
     assert rows["ageing"][5] == "yes"
     assert 0.045 < float(rows["ageing"][8].split()[1]) < 0.08
     assert rows["adsorption"][5] == "yes"
