@@ -96,7 +96,7 @@ MORE_SETS = (
         made.front_seats, lambda f: f["year"] <= 1983, "belts compulsory since month 169",
         (hs.Step("month"),), "location 169, -24 to -30 %", "0.1519 -> 0.1119 (ln)",
         likelihood="lognormal",
-        remark="casualties fall by 5 % a year with correlated errors, in front and in the rear "
+        remark="casualties fall by 5 % a year, in front and in the rear "
         "alike, which the traffic and the price of petrol do not say with these priors; INDEX fits "
         "both elasticities freely. Eleven months with the law are in the training rows.",
     ),
