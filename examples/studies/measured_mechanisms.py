@@ -66,3 +66,29 @@ class AirDrag(hs.Cause):
         time = terminal / gravity * np.arccosh(np.exp(gravity * height / terminal**2))
         # in a vacuum with this gravity the fall takes as long
         return X, {**omega, "gravity": 2 * height / time**2}
+
+
+class FiniteSurface(hs.Cause):
+    """A surface fills up: ``1 - exp(-filled x)`` where it is ``filled x`` at first (Misra 1978)."""
+
+    kind = "finite-surface"
+    target = "pressure"
+    # the surface is as good as full at a tenth of the highest pressure, or hardly touched by it
+    parameters = {"filled": loguniform(1e-5, 0.05)}
+
+    def gain(self, X, theta):
+        share = np.maximum(theta["filled"] * X["pressure"], 1e-12)
+        return -np.expm1(-share) / share
+
+
+class Accelerated(hs.Cause):
+    """A rate that grows exponentially with the temperature (Nelson 1981)."""
+
+    kind = "accelerated"
+    target = "temperature"
+    # a rule of chemistry: twice as fast every ten degrees, give or take a factor of two
+    parameters = {"per_degree": halfnorm(scale=0.1)}
+
+    def inputs(self, X, omega, theta):
+        factor = np.exp(theta["per_degree"] * (X["temperature"] - 225))
+        return X, {**omega, "rate": omega["rate"] * factor}

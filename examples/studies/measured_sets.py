@@ -29,7 +29,7 @@ class DataSet:
     name: str
     file: str
     columns: dict[str, str]  # the simulation's inputs first, then columns that it ignores
-    output: str
+    output: str | tuple[str, ...]
     simulator: Callable[[], hs.Simulator]
     train: Callable[[Frame], pd.Series]
     cause: str

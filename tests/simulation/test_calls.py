@@ -161,6 +161,16 @@ class TestOutputCache:
             np.testing.assert_array_equal(found, points @ [100.0, 1.0])
         assert sum(part.nbytes for part in cache._table) <= 4096
 
+    def test_memory_of_all_caches_is_bounded(self, monkeypatch):
+        """A diagnosis of an ODE had a table for each cause in each fold, 8 GB together."""
+        monkeypatch.setattr(output_cache, "_BYTES_OF_ALL", 3 * 4096)
+        caches, points = [OutputCache(n_bytes=4096) for _ in range(9)], np.eye(3)
+        for cache in [*caches, caches[0], caches[8]]:
+            found = cache.outputs(lambda rows: rows.sum(axis=1), points)
+            np.testing.assert_array_equal(found, points.sum(axis=1))
+        kept = [k for k, cache in enumerate(caches) if cache._table is not None]
+        assert kept == [0, 7, 8]
+
     def test_failed_rows_and_several_outputs(self):
         cache, asked = OutputCache(), []
 

@@ -61,6 +61,22 @@ def test_nothing_is_wrong_once_it_is_declared():
     assert since.table["batch"].tolist() == X["batch"].iloc[::9].tolist()
 
 
+def test_what_sets_a_parameter_that_is_known_to_differ_is_named():
+    """The spread of the batches must not hold already what their temperature explains."""
+    rng = np.random.default_rng(7)
+    celsius, x = rng.uniform(15, 35, 10), rng.uniform(0, 4, (10, 8))
+    rates = 0.5 + 0.02 * (celsius - 25) + 0.04 * rng.standard_normal(10)
+    y = 3 * np.exp(-rates[:, None] * x) + 0.05 * rng.standard_normal(x.shape)
+    rows = {"x": x.ravel(), "celsius": np.repeat(celsius, 8), "batch": np.repeat(range(10), 8)}
+    told = {"experiment": "batch", "by_experiment": {"rate": "spread"}}
+    few = all_but("parameter-drift", "missing-input", "trend")
+    diagnosis = diagnosed(pd.DataFrame(rows), y.ravel(), exclude=few, **told)
+    best = diagnosis.best_cause_
+    assert diagnosis.verdict_ == "named"
+    assert (best.kind, best.target) == ("parameter-drift", "rate")
+    assert best.estimates["slope"][1] < 0.02 < best.estimates["slope"][2]
+
+
 @pytest.mark.slow
 def test_a_second_cause_is_found_beside_a_rate_that_differs():
     right = 0

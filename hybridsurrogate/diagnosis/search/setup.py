@@ -8,11 +8,13 @@ from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 from sklearn.base import clone
 
 from hybridsurrogate.catalogue import Skipped, catalogue
 from hybridsurrogate.diagnosis.search.noise_of_outputs import at_noise_of
+from hybridsurrogate.effects.axis import position_among
 from hybridsurrogate.effects.base import Cause, Context
 from hybridsurrogate.effects.in_output import prepared_for
 from hybridsurrogate.effects.noise.gross_error import MOST_ROWS
@@ -157,14 +159,55 @@ def _best_draw(fitted: PowerScaledSurrogate, problem: Problem) -> FloatArray:
 
 
 def _at_spread_of(problem: Problem, posterior: Posterior) -> Problem:
-    """Return the problem with what differs by experiment at its median spread."""
+    """Return the problem with what differs by experiment at its median spread.
+
+    What a recorded column of the experiments explains, such as a temperature, must not count as
+    spread: the column would be compared with a spread that holds it already. So it is the smallest
+    of the medians with no such column and with one, by least squares in each draw.
+    """
     effects = list(problem.model.effects)
     for k, effect in enumerate(effects):
         differs = isinstance(effect, ParameterByExperiment | SharedErrors)
         if differs and "spread" in effect.parameters:
-            spread = float(np.median(posterior.estimates(k)["spread"]))
+            draws = posterior.estimates(k)
+            spreads = [draws.pop("spread")]
+            if isinstance(effect, ParameterByExperiment):
+                deviations = np.stack(list(draws.values()), axis=1)
+                there, columns = _of_experiments(problem, effect)
+                spreads += [_residual_sd(deviations[:, there], column) for column in columns]
+            spread = min(float(np.median(each)) for each in spreads)
             effects[k] = effect.filled(spread=spread)
     return replace(problem, model=problem.model.with_effects(effects))
+
+
+def _of_experiments(
+    problem: Problem, effect: ParameterByExperiment
+) -> tuple[NDArray[np.intp], FloatArray]:
+    """Return which experiments were measured, and what differs between them only.
+
+    Their positions (k,), and the columns that are constant within each experiment (n_columns, k).
+    """
+    X = problem.X[:, : len(problem.model.columns)]
+    label = list(problem.model.columns).index(effect.column)
+    levels, first, which = np.unique(X[:, label], return_index=True, return_inverse=True)
+    there = np.all(X[first][which] == X, axis=0) & np.any(X[0] != X, axis=0)
+    there[label] = False
+    return position_among(effect.levels, levels), X[first][:, there].T
+
+
+def _residual_sd(deviations: FloatArray, column: FloatArray) -> FloatArray:
+    """Return the standard deviation about a straight line over a column, of each draw.
+
+    ``deviations`` has shape (n_draws, n_experiments), ``column`` (n_experiments,).
+    """
+    n = len(column)
+    if n < 4:  # a line explains what any three do
+        return np.full(len(deviations), np.inf)
+    centred = column - column.mean()
+    deviations = deviations - deviations.mean(axis=1, keepdims=True)
+    explained = (deviations @ centred) ** 2 / (centred @ centred)
+    left = np.maximum(np.sum(deviations**2, axis=1) - explained, 0.0)
+    return np.sqrt(left / (n - 2))
 
 
 def _at_jitter_of(problem: Problem, fitted: PowerScaledSurrogate) -> Problem:

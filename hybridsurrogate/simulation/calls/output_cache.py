@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from threading import Lock
 from time import perf_counter
 from typing import Any
+from weakref import WeakKeyDictionary
 
 import numpy as np
 import pandas as pd
@@ -13,15 +15,23 @@ from numpy.typing import NDArray
 from hybridsurrogate.types import FloatArray
 
 _BYTES = 64 * 2**20
+# A diagnosis of an ODE has a simulation, and so a table, for each of some forty causes, in each
+# fold. Those that were used last may have as much together
+_BYTES_OF_ALL = 8 * _BYTES
 # To find a row takes about 0.4 us: a function of arrays that takes less is called again. Of fewer
 # rows the time is that of the call
 _QUICK, _FEW, _MEASURED = 1e-6, 1000, 3
 # odd, of mixed bits (Steele, Lea and Flood 2014, the constants of SplitMix64)
 _GOLDEN, _MIX = np.uint64(0x9E3779B97F4A7C15), np.uint64(0xBF58476D1CE4E5B9)
 
+_Table = tuple[NDArray[np.uint64], FloatArray, NDArray[np.bool_]]
+
 
 class OutputCache:
     """A table of rows and their outputs; of two rows with one place in it the later one stays.
+
+    All tables of a process share half a gigabyte: where a new one does not fit, those that were not
+    used for longest are dropped.
 
     Parameters
     ----------
@@ -46,7 +56,7 @@ class OutputCache:
 
     def __init__(self, n_bytes: int = _BYTES) -> None:
         self.n_bytes = n_bytes
-        self._table: tuple[NDArray[np.uint64], FloatArray, NDArray[np.bool_]] | None = None
+        self._table: _Table | None = None
         self._seconds, self._calls = np.inf, 0
 
     def __reduce__(self) -> tuple[Any, ...]:
@@ -67,19 +77,23 @@ class OutputCache:
         if len(first) < len(bits) and (bits[first][which] != bits).any():
             return function(points)
         bits = bits[first]
-        if self._table is None:
+        table = self._table
+        if table is None:
             y = function(points[first])
-            self._table = self._empty(bits.shape[1], y.shape[1:])
-            self._add(bits, y, mixed)
+            table = self._empty(bits.shape[1], y.shape[1:])
+            _add(table, bits, y, mixed)
+            self._table = table
+            self._share()
             return y[which]
-        keys, values, filled = self._table
-        place = self._place(mixed)
+        self._share()
+        keys, values, filled = table
+        place = _place(table, mixed)
         known = filled[place] & (keys[place] == bits).all(axis=1)
         y = values[place]
         new = np.flatnonzero(~known)
         if new.size:
             y[new] = function(points[first[new]])
-            self._add(bits[new], y[new], mixed[new])
+            _add(table, bits[new], y[new], mixed[new])
         return y[which]
 
     def outputs_if_slow(
@@ -99,25 +113,41 @@ class OutputCache:
         self._calls += 1
         return y
 
-    def _empty(
-        self, d: int, several: tuple[int, ...]
-    ) -> tuple[NDArray[np.uint64], FloatArray, NDArray[np.bool_]]:
+    def _share(self) -> None:
+        """Become the one that was used last, and drop the tables that are too many."""
+        with _LOCK:
+            _USED.pop(self, None)
+            _USED[self] = self.n_bytes
+            total = sum(_USED.values())
+            for cache, n_bytes in list(_USED.items())[:-1]:
+                if total <= _BYTES_OF_ALL:
+                    break
+                cache._table = None
+                del _USED[cache]
+                total -= n_bytes
+
+    def _empty(self, d: int, several: tuple[int, ...]) -> _Table:
         each = 8 * (d + int(np.prod(several))) + 1
         n = 1 << max(1, int(np.log2(self.n_bytes / each)))
         # zeros take memory only where they are written to
         keys = np.zeros((n, d), dtype=np.uint64)
         return keys, np.zeros((n, *several)), np.zeros(n, dtype=bool)
 
-    def _place(self, mixed: NDArray[np.uint64]) -> NDArray[np.intp]:
-        assert self._table is not None
-        return (mixed & np.uint64(len(self._table[2]) - 1)).astype(np.intp)
 
-    def _add(self, bits: NDArray[np.uint64], y: FloatArray, mixed: NDArray[np.uint64]) -> None:
-        assert self._table is not None
-        keys, values, filled = self._table
-        # of rows with one place the first, in all three arrays alike
-        place, first = _distinct(self._place(mixed))[1:]
-        keys[place], values[place], filled[place] = bits[first], y[first], True
+# caches with a table, those that were used last at the end, and its bytes at most
+_USED: WeakKeyDictionary[OutputCache, int] = WeakKeyDictionary()
+_LOCK = Lock()
+
+
+def _place(table: _Table, mixed: NDArray[np.uint64]) -> NDArray[np.intp]:
+    return (mixed & np.uint64(len(table[2]) - 1)).astype(np.intp)
+
+
+def _add(table: _Table, bits: NDArray[np.uint64], y: FloatArray, mixed: NDArray[np.uint64]) -> None:
+    keys, values, filled = table
+    # of rows with one place the first, in all three arrays alike
+    place, first = _distinct(_place(table, mixed))[1:]
+    keys[place], values[place], filled[place] = bits[first], y[first], True
 
 
 def _distinct(

@@ -198,6 +198,36 @@ def test_on_a_logarithmic_scale_an_amplitude_is_a_factor():
     assert sentence == "At t = 7.0 mass rises by a factor of 2, and the simulation does not."
 
 
+def test_one_alternative_more_than_are_listed_is_one_other():
+    shares = {"step": 0.4, "ramp": 0.2, "trend": 0.2, "bump": 0.1}
+    result = SimpleNamespace(
+        conclusion=SimpleNamespace(verdict="ambiguous", concerns="simulation"),
+        indistinguishable=tuple(shares),
+    )
+    view = SimpleNamespace(
+        result=result,
+        findings=[(CauseFinding("step", "t", "", 0.4, {}), hs.Step("t"))],
+        search=SimpleNamespace(kind_shares=shares),
+    )
+    assert headline.headline(view).endswith("how: step, ramp, trend or one other.")
+
+
+@pytest.mark.parametrize(
+    ("log_scale", "units", "size"),
+    [
+        (False, {}, "0.044 per unit of year"),
+        (True, {}, "a factor of 1.04 per unit of year"),
+        (True, {"year": "a"}, "a factor of 1.04 per a"),
+    ],
+)
+def test_a_slope_is_per_unit_of_its_column(log_scale, units, size):
+    view = View(result_of("disasters", ("year",), log_scale), units=units)
+    estimates = {"location": (1878.0, 1868.0, 1886.0), "slope": (-0.044, -0.049, -0.039)}
+    finding = CauseFinding("ramp", "year", "", 0.9, estimates)
+    sentence = headline.sentence_of(view, finding, hs.Ramp("year"))
+    assert sentence.endswith(f"disasters falls below the simulation by {size}.")
+
+
 def test_every_form_has_a_headline_of_its_own_or_of_its_kind():
     kinds = {form.kind for form in FORMS.values() if form.headline}
     assert {form.kind for form in FORMS.values()} <= kinds

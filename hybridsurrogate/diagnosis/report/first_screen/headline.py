@@ -55,7 +55,8 @@ def headline(view: View) -> str:
         others = [kind for kind in result.indistinguishable if kind not in own]
         kinds = [finding.kind, *sorted(others, key=lambda kind: -shares[kind])]
         shown = kinds[:_MOST_KINDS]
-        more = f" or {len(kinds) - len(shown)} others" if len(kinds) > len(shown) else ""
+        left = len(kinds) - len(shown)
+        more = f" or {left} others" if left > 1 else " or one other" if left else ""
         if len(shown) > 1 and not more:
             choice = f"{', '.join(shown[:-1])} or {shown[-1]}"
         else:
@@ -125,9 +126,13 @@ def sentence_of(view: View, finding: CauseFinding, cause: Cause) -> str:
         "target": (finding.target or "").replace(" * ", " and "),
         "column": getattr(cause, "column", None) or finding.target or view.inputs[0],
     }
+    log = f"log {view.output}"
     for name, limits in finding.estimates.items():
         unit = known_unit(view, cause, name)
-        factor = view.log_scale and unit == f"log {view.output}"
+        if name == "slope" and not unit:
+            unit = f"{log if view.log_scale else ''} per unit of {places['column']}".lstrip()
+        factor = view.log_scale and unit.startswith(log)
+        unit = unit.removeprefix(log).lstrip() if factor else unit
         places[name] = _Estimate(*limits, unit, factor)
     meaning = meaning_of(cause)
     if form is not None:
@@ -184,12 +189,13 @@ class _Estimate:
             return how.split("|")[bool(self.mean < 0)]
         if how == "place":
             return self._rounded(self.mean)
+        unit = f" {self.unit}" if self.unit else ""
         if self.factor:
             factor = digits.number(math.exp(abs(self.mean)), 3)
-            return f"a factor of {factor}{' up and down' if how == 'around' else ''}"
+            return f"a factor of {factor}{' up and down' if how == 'around' else ''}{unit}"
         value = abs(self.mean) if how in ("size", "around") else self.mean
         sign = "±" if how == "around" else ""
-        return f"{sign}{self._rounded(value)}{f' {self.unit}' if self.unit else ''}"
+        return f"{sign}{self._rounded(value)}{unit}"
 
     def _rounded(self, value: float) -> str:
         """Return a value to the first digit of its uncertainty."""
