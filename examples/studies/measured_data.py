@@ -57,7 +57,7 @@ def fit_model(data: DataSet, train: tuple[Frame, np.ndarray], *effects: hs.Cause
     model = model_before(data).set_params(effects=effects)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", hs.HybridSurrogateWarning)
-        return model.fit(*train)
+        return model.fit(*train, y_err=data.errors)
 
 
 def model_before(data: DataSet) -> hs.PowerScaledSurrogate:
@@ -85,7 +85,7 @@ def diagnose(data: DataSet, frame: Frame, fast: bool):
     with warnings.catch_warnings():
         # of draws that are doubtful in a model known to be wrong; the report repeats them
         warnings.simplefilter("ignore", hs.HybridSurrogateWarning)
-        return diagnosis.fit(*train), train, test
+        return diagnosis.fit(*train, y_err=data.errors), train, test
 
 
 def error(data: DataSet, model, X: Frame, y: np.ndarray) -> float:
@@ -174,7 +174,7 @@ def row(data: DataSet, frame: Frame, fast: bool) -> list[str]:
     if data.own:
         cause, probability = without_own(data, found)
         other = f"{label(cause)}, {probability:.2f}: {judge(data, cause, models, train, test)}"
-    scores, held, gain = foreseen(diagnosis, test)
+    scores, held, gain = foreseen(diagnosis, test, data.errors)
     return [
         data.name,
         f"{len(train[1])} / {len(test[1])}{thinned}",
@@ -203,7 +203,7 @@ def within(diagnosis) -> str:
     return "-" if gain is None else f"{gain.elpd_difference:+.2f} ± {gain.standard_error:.2f}"
 
 
-def foreseen(diagnosis, test) -> tuple[list[float], list[float], str]:
+def foreseen(diagnosis, test, errors: str | None = None) -> tuple[list[float], list[float], str]:
     """Return log density a row and coverage of held-out rows: plain, named cause, extended.
 
     And what the last gains upon the first a row, with the standard error of that difference.
@@ -212,8 +212,10 @@ def foreseen(diagnosis, test) -> tuple[list[float], list[float], str]:
     models = [diagnosis.estimator_, getattr(after, "estimators_", [after])[0], after]
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", hs.HybridSurrogateWarning)
-        densities = [np.ravel(model.log_predictive_density(*test)) for model in models]
-        held = [float(np.mean(model.interval_holds(*test)[0])) for model in models]
+        densities = [
+            np.ravel(model.log_predictive_density(*test, y_err=errors)) for model in models
+        ]
+        held = [float(np.mean(model.interval_holds(*test, y_err=errors)[0])) for model in models]
     gains = densities[2] - densities[0]
     told = f"{gains.mean():+.2f} ± {gains.std(ddof=1) / np.sqrt(len(gains)):.2f}"
     return [float(density.mean()) for density in densities], held, told

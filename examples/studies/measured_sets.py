@@ -43,6 +43,7 @@ class DataSet:
     every: int = 1
     experiment: str | None = None
     by_experiment: dict[str, str] | None = None
+    errors: str | None = None  # of the columns that with the known error of each row
     load: Callable[[Frame], Frame] = lambda frame: frame
     remark: str = ""
 
@@ -167,12 +168,13 @@ SETS = (
         "cases fell no further after 1968.",
     ),
     DataSet(
-        "supernovae", "supernova_union21.csv", {"z": "z"}, "mu", made.supernovae,
+        "supernovae", "supernova_union21.csv", {"z": "z", "mu_err": "error"}, "mu",
+        made.supernovae,
         lambda f: f["z"] < 0.4, "dark energy: matter is 28 % only",
         (hs.WrongConstant("matter"),),
-        "value 0.277", "0.5291 -> 0.3506",
+        "value 0.277", "0.5291 -> 0.3506", errors="error",
         remark="below z = 0.4 an offset that drifts with z is nearly the same curve as less "
-        "matter. The known errors of the distances are not used, INDEX weighs with them.",
+        "matter.",
     ),
     DataSet(
         "italy", "italy_covid19_wave1.csv", {"day": "day"}, "conf_minus_rec_per_100k",
