@@ -10,7 +10,7 @@ from scipy import stats
 from sklearn.base import clone
 
 import hybridsurrogate as hs
-from hybridsurrogate.effects.output.remainder import GROWTH, LEAST, MOST
+from hybridsurrogate.effects.output.remainder import GROWTH, LEAST, LEAST_OF_CURVE, MOST
 
 T = np.linspace(0, 10, 30)
 Y = 2 * T + 1.0 + 0.1 * np.random.default_rng(0).standard_normal(30)
@@ -198,3 +198,20 @@ def test_an_extension_keeps_the_ranges_of_experiments_only_where_these_differ():
         assert diagnosis.best_cause_.kind == "step"
         spreads.append(diagnosis.predict(X[~rows], return_std=True)[1].mean())
     assert spreads[1] > 2 * spreads[0]
+
+
+def test_an_extension_by_a_curve_of_any_shape_says_little_of_where_it_goes():
+    # a quarter of a wave, which any smooth curve imitates
+    rng = np.random.default_rng(4)
+    t = np.linspace(0, 10, 40)
+    y = 2 * t + 2 * np.sin(0.9 * t) + 0.1 * rng.standard_normal(40)
+    model = hs.PowerScaledSurrogate(SIMULATOR, surrogate=hs.ExactSurrogate(), random_state=0)
+    diagnosis = hs.DiscrepancyDiagnosis(
+        model, cv=None, random_state=0, exclude=all_but("unexplained")
+    ).fit(t[:, None], y)
+    extended = diagnosis.extended_estimator_
+    kept = [e for e in extended.estimators_[0].effects if e.kind == "remainder"]
+    assert [one.least for one in kept] == [LEAST_OF_CURVE]
+    assert kept[0].size == pytest.approx(np.std(2 * np.sin(0.9 * t)), rel=0.4)
+    _, std = diagnosis.predict(np.array([[15.0]]), return_std=True)
+    assert std[0] > LEAST_OF_CURVE * kept[0].size * 0.5**GROWTH

@@ -153,7 +153,7 @@ def _beyond(result: Search, grid: FloatArray) -> FloatArray:
     inputs = [name for name in columns[: problem.model.n_inputs] if name != OUTPUT]
     measured = {name: problem.X[:, columns.index(name)] for name in inputs}
     ends = {name: (float(x.min()), float(x.max())) for name, x in measured.items()}
-    remainder = Remainder(1.0, {name: e for name, e in ends.items() if e[0] < e[1]})
+    remainder = Remainder(1.0, ranges={name: e for name, e in ends.items() if e[0] < e[1]})
     rows = {name: grid[:, columns.index(name)] for name in inputs}
     one = remainder.columns(rows, {"amplitude": np.ones(len(grid))})
     if problem.stacking is None:

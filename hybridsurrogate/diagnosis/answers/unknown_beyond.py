@@ -6,7 +6,8 @@ import numpy as np
 
 from hybridsurrogate.effects import InOutput, Remainder
 from hybridsurrogate.effects.base import Cause
-from hybridsurrogate.estimators.power_scaled import PowerScaledSurrogate
+from hybridsurrogate.effects.output.remainder import LEAST, LEAST_OF_CURVE
+from hybridsurrogate.estimators.power_scaled import PowerScaledSurrogate, as_causes
 
 
 def with_remainder(
@@ -26,14 +27,18 @@ def _remainders(before: PowerScaledSurrogate, after: PowerScaledSurrogate) -> tu
     """Return the remainder, of several outputs one for each; none of what did not change."""
     rows, stacking = before.data_.single.X, before.data_.stacking
     by = _experiments_that_differ(after)
+    is_any_curve = any(effect.kind == "unexplained" for effect in as_causes(after.effects))
+    least = LEAST_OF_CURVE if is_any_curve else LEAST
     change = np.mean(after.posterior_.eta(rows)[0], axis=0)
     change = change - np.mean(before.posterior_.eta(rows)[0], axis=0)
     if stacking is None:
         size = _size(change)
-        return (Remainder(size, by=by),) if size > 0 else ()
+        return (Remainder(size, least, by=by),) if size > 0 else ()
     which = rows[:, stacking.at]
     sizes = {name: _size(change[which == k]) for k, name in enumerate(stacking.names)}
-    return tuple(InOutput(Remainder(size, by=by), name) for name, size in sizes.items() if size > 0)
+    return tuple(
+        InOutput(Remainder(size, least, by=by), name) for name, size in sizes.items() if size > 0
+    )
 
 
 def _experiments_that_differ(after: PowerScaledSurrogate) -> str | None:

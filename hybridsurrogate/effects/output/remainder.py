@@ -15,7 +15,9 @@ from hybridsurrogate.types import Prior
 # learned from 18 measured data sets and 160 generated cases, half of these with their cause left
 # out of the catalogue: how the standard deviation grows with the distance, and its ends in shares
 # of what was detected
-GROWTH, LEAST, MOST = (STUDIED["remainder"][name] for name in ("growth", "least", "most"))
+GROWTH, LEAST, MOST, LEAST_OF_CURVE = (
+    STUDIED["remainder"][name] for name in ("growth", "least", "most", "least_of_curve")
+)
 
 
 class Remainder(Declared):
@@ -31,6 +33,9 @@ class Remainder(Declared):
     ----------
     size : float
         Root mean square of what an extension changed at the measured rows, on the scale of eta.
+    least : float, default=0.01
+        Smallest amplitude, in shares of the size. An extension by a curve of any shape has 0.5: it
+        says nothing of where the curve goes.
     ranges : dict of name to (low, high), or None, default=None
         Measured range of each input. None: that of the rows in ``fit``.
     by : str or None, default=None
@@ -46,7 +51,10 @@ class Remainder(Declared):
     powers from 1/5 to 1 do nearly as well. On new cases 90 % intervals beyond the range cover 96 %
     instead of 88 %, at a cost of 0.03 in the mean log density of a row. Where the true cause had
     been taken out of the catalogue they cover 79 % instead of 70 %, with a gain of 0.42. Of 18
-    measured data sets 15 are predicted no worse than by the plain simulation instead of 13.
+    measured data sets 15 are predicted no worse than by the plain simulation instead of 13. With at
+    least 0.5 of the size, curves of any shape gain 0.42 (standard error 0.13) where they replace a
+    cause that is not in the catalogue (36 cases), and are no worse than the plain simulation on
+    average, of which they had lost 0.29.
 
     Examples
     --------
@@ -64,11 +72,13 @@ class Remainder(Declared):
     def __init__(
         self,
         size: float,
+        least: float = LEAST,
         ranges: Mapping[str, tuple[float, float]] | None = None,
         by: str | None = None,
         own: Mapping[str, Mapping[float, tuple[float, float]]] | None = None,
     ):
         self.size = size
+        self.least = least
         self.ranges = ranges
         self.by = by
         self.own = own
@@ -94,7 +104,7 @@ class Remainder(Declared):
 
     def priors_by_name(self) -> Mapping[str, Prior]:
         """Return the prior of the amplitude."""
-        return {"amplitude": frozen(stats.loguniform, LEAST * self.size, MOST * self.size)}
+        return {"amplitude": frozen(stats.loguniform, self.least * self.size, MOST * self.size)}
 
     @property
     def coefficients(self) -> tuple[str, ...]:  # type: ignore[override]
