@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 from hybridsurrogate.effects import SIMULATED, SLOPE, Cause, InOutput, Remainder
 from hybridsurrogate.effects.dynamics.dynamic_delay import DynamicDelay
 from hybridsurrogate.effects.dynamics.dynamic_drift import DynamicDrift
+from hybridsurrogate.effects.dynamics.dynamic_store import DynamicStore
 from hybridsurrogate.effects.dynamics.dynamic_term import DynamicTerm
 from hybridsurrogate.effects.dynamics.term_by_experiment import TermByExperiment
 from hybridsurrogate.effects.ignored.friction import Friction
@@ -139,6 +140,7 @@ __all__ = [
     "DiscrepancyDiagnosis",
     "DynamicDelay",
     "DynamicDrift",
+    "DynamicStore",
     "DynamicTerm",
     "EmulationWarning",
     "Emulator",

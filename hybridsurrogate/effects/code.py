@@ -76,6 +76,9 @@ class Code:
         The state of an ODE that each name stands for.
     table : Table or None
         ``{table}`` in the expression.
+    unseen : str
+        The slope of an unseen state, ``{store}``, that takes what the expression adds to a slope,
+        over ``{ratio}``, and begins at that state plus ``{gap}``.
     by_row : mapping of str to str
         Numbers of an ODE that differ between rows, as expressions.
     grids : mapping of str to (float, float, int)
@@ -107,6 +110,7 @@ class Code:
     does: Does = "adds"
     of: str = ""
     states: Mapping[str, str] = field(default_factory=dict)
+    unseen: str = ""
     table: LevelTable | None = None
     by_row: Mapping[str, str] = field(default_factory=dict)
     grids: Mapping[str, tuple[float, float, int]] = field(default_factory=dict)

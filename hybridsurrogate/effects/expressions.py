@@ -108,7 +108,11 @@ def in_words(code: Code, values: Values, spans: Mapping[str, float]) -> str:
     if code.does == "replaces":
         return f"simulation with {code.of} = {show(whole)}{note}"
     if code.does == "adds to slope":
-        return f"simulation with {show(whole)} in the slope of {code.of}"
+        store = ""
+        if code.unseen:
+            slope = show(_Reader(code, values, spans).read(code.unseen))
+            store = f" and {slope} in that of the {code.states['store']}"
+        return f"simulation with {show(whole)} in the slope of {code.of}{store}"
     return show(whole)
 
 
@@ -124,8 +128,11 @@ def in_latex(code: Code, values: Values, spans: Mapping[str, float]) -> str:
     whole, of = _whole(code, values, spans), word(code.of)
     if code.does == "adds to slope":
         slope = rf"\frac{{d}}{{dt}} {of}"
-        changed = _added(_Word("", slope), whole)
-        return rf"{word('simulation')}, \quad {slope} \to {_Latex().show(changed)}"
+        changed, store = _added(_Word("", slope), whole), ""
+        if code.unseen:
+            other = _Latex().show(_Reader(code, values, spans).read(code.unseen))
+            store = rf", \quad \frac{{d}}{{dt}} {word(code.states['store'])} = {other}"
+        return rf"{word('simulation')}, \quad {slope} \to {_Latex().show(changed)}{store}"
     text = _Latex().show(whole)
     if code.does == "moves" and code.of in code.columns.values():
         return rf"{word('simulation')}\left({text}\right)"

@@ -7,6 +7,8 @@ steps        steps as short as the solutions need, and the choice of a method
 integration  the solvers, vectorised over sets of parameters
 rosenbrock   the solver for stiff equations, with steps for each solution
 dynamics     changes of the right-hand side: courses of a rate, terms, delays
+wandering    a rate that wanders
+store        an unseen state that exchanges with one of the equation
 """
 
 from hybridsurrogate.ode.simulator import OdeSimulator

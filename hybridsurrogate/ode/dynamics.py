@@ -177,7 +177,7 @@ class MissingTerm(Modification):
     def check(self, rates: Sequence[str], states: Sequence[str]) -> None:
         """Raise ValueError where there is no such state."""
         for name in filter(None, (self.state, self.other)):
-            _check_state(name, states)
+            check_state(name, states)
 
     def drives(self, t: FloatArray, numbers: Numbers, step: float) -> dict[str, FloatArray]:
         """Return the term, where it does not follow the state."""
@@ -257,14 +257,15 @@ class DelayedState(Modification):
 
     def check(self, rates: Sequence[str], states: Sequence[str]) -> None:
         """Raise ValueError where there is no such state."""
-        _check_state(self.state, states)
+        check_state(self.state, states)
 
     def lags(self, numbers: Numbers) -> dict[str, FloatArray]:
         """Return the lag."""
         return {self.state: numbers["lag"]}
 
 
-def _check_state(state: str, states: Sequence[str]) -> None:
+def check_state(state: str, states: Sequence[str]) -> None:
+    """Raise ValueError where there is no such state."""
     if state not in states:
         raise ValueError(
             f"There is no state {state!r}; the states are {list(states)}."

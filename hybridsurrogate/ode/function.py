@@ -130,7 +130,8 @@ class OdeFunction:
         # solutions that differ only in name: rhs is asked for two at once
         solutions.slope(self.start, state)
         with np.errstate(all="ignore"):
-            self._observed(state, {name: columns[name] for name in self.observe_names})
+            seen = state[: len(self.states)]
+            self._observed(seen, {name: columns[name] for name in self.observe_names})
 
     # ------------------------------------------------------------------------------ batches
 
@@ -260,7 +261,21 @@ class _Solutions:
         return max(1, int(np.ceil((latest - self.ode.start) / self.ode.step - 1e-9)))
 
     def initial(self) -> FloatArray:
-        """Return the initial state, (n_states, m)."""
+        """Return the initial state, (n_states, m), that of unseen states last."""
+        state = self._seen_at_start()
+        rows = [change.begins(state[row], numbers) for change, numbers, row in self._coupled]
+        return np.vstack([state, *rows]) if rows else state
+
+    @cached_property
+    def _coupled(self) -> list[tuple[Modification, dict[str, FloatArray], int]]:
+        """Changes with an unseen state, their numbers, and the row of the state it couples to."""
+        return [
+            (change, numbers, self.ode.states.index(change.couples_to))
+            for change, numbers in self.active
+            if change.couples_to is not None
+        ]
+
+    def _seen_at_start(self) -> FloatArray:
         ode, m = self.ode, len(self)
         value = ode.initial_state
         if callable(value):
@@ -285,9 +300,11 @@ class _Solutions:
     ) -> FloatArray:
         """Return the right-hand side for all solutions, what drives it at t given or not.
 
-        ``late`` are states that it sees instead of those at t.
+        ``late`` are states that it sees instead of those at t. Unseen states come last.
         """
-        ode, given, seen = self.ode, self._given, state
+        ode, given = self.ode, self._given
+        state, unseen = state[: len(ode.states)], state[len(ode.states) :]
+        seen = state
         if drive is None:
             drive = drive_of(self.active, np.array([t]), ode.step).at(0)
         if drive.factors:
@@ -297,7 +314,7 @@ class _Solutions:
             for name, values in late.items():
                 seen[ode.states.index(name)] = values
         slopes = checked_array(ode.rhs(t, seen, **given), "rhs", state.shape, "states by solutions")
-        if drive.added or self._adding:
+        if drive.added or self._adding or self._coupled:
             slopes = slopes.copy()
             for name, term in drive.added.items():
                 slopes[ode.states.index(name)] += term
@@ -305,7 +322,12 @@ class _Solutions:
             for change, numbers in self._adding:
                 for name, term in change.terms(named, numbers).items():
                     slopes[ode.states.index(name)] += term
-        return slopes
+        own = []
+        for (change, numbers, row), other in zip(self._coupled, unseen, strict=True):
+            added, slope = change.exchange(state[row], other, numbers)
+            slopes[row] += added
+            own.append(slope)
+        return np.vstack([slopes, *own]) if own else slopes
 
     @cached_property
     def _given(self) -> dict[str, FloatArray]:
@@ -334,7 +356,10 @@ class _Solutions:
         return late
 
     def at_rows(self, rows: slice) -> FloatArray:
-        """Return the states (n_states, n) at the rows of these solutions."""
+        """Return the states (n_states, n) at the rows of these solutions, without unseen ones."""
+        return self._all_at_rows(rows)[: len(self.ode.states)]
+
+    def _all_at_rows(self, rows: slice) -> FloatArray:
         ode, times, member = self.ode, self.times[rows], self.member[rows] - self.first
         if ode.method == "rosenbrock":
             return self._rosenbrock(times, member)
@@ -384,7 +409,7 @@ class _Solutions:
 
     def _rosenbrock(self, times: FloatArray, member: NDArray[np.intp]) -> FloatArray:
         ode = self.ode
-        sizes = np.array(ode.sizes)
+        sizes = np.array([*ode.sizes, *(ode.sizes[row] for _, _, row in self._coupled)])
         groups: dict[bytes, _Solutions] = {}
         together = not self.active and self._takes_times()
 

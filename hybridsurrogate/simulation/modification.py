@@ -17,7 +17,7 @@ class Modification(ABC):
     """A change of the right-hand side with further parameters, and no effect at neutral ones.
 
     Subclasses define these parameters and what they change. They override `factors`, `drives`,
-    `terms` or `lags`.
+    `terms` or `lags`; or `couples_to`, `begins` and `exchange`.
     """
 
     # whether earlier states of solutions are needed: only "rk4" has them
@@ -42,6 +42,11 @@ class Modification(ABC):
     def is_in_time(self) -> bool:
         """Whether its numbers place it in time, as a period or a location does."""
         return False
+
+    @property
+    def couples_to(self) -> str | None:
+        """The state with which a further, unseen one exchanges; None: there is none."""
+        return None
 
     @abstractmethod
     def check(self, rates: Sequence[str], states: Sequence[str]) -> None:
@@ -71,6 +76,16 @@ class Modification(ABC):
     def lags(self, numbers: Numbers) -> dict[str, FloatArray]:
         """Return how long ago, (m,), the right-hand side sees a state, for those it sees late."""
         return {}
+
+    def begins(self, state: FloatArray, numbers: Numbers) -> FloatArray:
+        """Return the unseen state at the start, (m,), where there is one; state is at the start."""
+        raise NotImplementedError(f"{type(self).__name__} has no unseen state.")
+
+    def exchange(
+        self, state: FloatArray, unseen: FloatArray, numbers: Numbers
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return what is added to the slope of the state, and the slope of the unseen one, (m,)."""
+        raise NotImplementedError(f"{type(self).__name__} has no unseen state.")
 
 
 Active = list[tuple[Modification, dict[str, FloatArray]]]  # changes, and their numbers (m,)

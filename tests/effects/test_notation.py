@@ -125,6 +125,18 @@ def test_causes_inside_the_dynamics(cause, values):
         assert number(abs(value)) in latex
 
 
+def test_both_equations_of_a_store():
+    values = {"ratio": 3.0, "scale": 0.5, "gap": 1.25}
+    cause = hs.DynamicStore("S")
+    said = "1.5 (store of S - S) in the slope of S and 0.5 (S - store of S) in that of the store"
+    assert said in cause.formula(values)
+    latex = cause.latex(values)
+    assert parses(latex)
+    assert latex.endswith(
+        r"\frac{d}{dt} \text{store of S} = 0.5 \, \left(\text{S} - \text{store of S}\right)"
+    )
+
+
 def test_signs_and_exponents():
     assert number(123456.0) == r"1.235 \times 10^{5}"
     assert number(-0.5) == "-0.5"

@@ -99,6 +99,7 @@ causes: list[hs.Cause] = [
     hs.Delay("minutes"),
     hs.DynamicDelay("temperature"),
     hs.DynamicDrift("rate"),
+    hs.DynamicStore("temperature"),
     hs.DynamicTerm("temperature", "constant"),
     hs.Episode("minutes"),
     hs.Friction("speed"),

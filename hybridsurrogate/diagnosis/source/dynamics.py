@@ -37,6 +37,8 @@ def dynamics(model: ExtendedModel, parts: SourceParts) -> list[str]:
     ode, time = parts.ode.function, parts.ids[parts.ode.input_names[0]]
     varying = varying_in(parts)
     late = [part for part in parts.coded if part.code.does == "delays"]
+    stores = [part for part in parts.coded if part.code.unseen]
+    sizes = [*model.sizes, *(model.sizes[ode.states.index(one.code.of)] for one in stores)]
     # a step of "rk4" resolves what happens; one of a higher order sees as much in four
     most = 4 * ode.step if ode.method == "rk4" else ode.max_step
     step = min(most, ode.span / _LEAST_STEPS)
@@ -45,7 +47,7 @@ def dynamics(model: ExtendedModel, parts: SourceParts) -> list[str]:
         f"STATES = {tuple_of(ode.states)}",
         f"START = {text_of(ode.start)}",
         f"STEP = {text_of(step)}  # the longest of the solver",
-        f"SIZES = np.array([{', '.join(text_of(size) for size in model.sizes)}])",
+        f"SIZES = np.array([{', '.join(text_of(size) for size in sizes)}])",
     ]
     start = "initial_state" if callable(ode.initial_state) else ""
     if not start:
@@ -69,6 +71,9 @@ def dynamics(model: ExtendedModel, parts: SourceParts) -> list[str]:
     if start:
         asked = call("initial_state", keywords(ode.start_names, parts.ids), "first = ")
         given["first"] = asked + _FIRST
+    for one in stores:
+        at = ode.states.index(one.code.of)
+        given["first"] += f"\n    first = np.append(first, first[{at}] + {one.ids['gap']}[0])"
     lags = {ode.states.index(part.code.of): part.ids["lag"] for part in late}
     given["lags"] = ", ".join(f"{k}: float({lag}[0])" for k, lag in lags.items())
     solution = (_LATE_SOLUTION if late else _SOLUTION).format_map(given)
@@ -88,19 +93,31 @@ def _right_hand_side(
             rate = parts.ids[part.code.of]
             own = [*arguments_of(part), *call_values_of(part)]
             lines.append(call(part.function, own, f"{rate} = {rate} * "))
-    seen_state = seen[0] if seen else "state"
-    called = [time, seen_state, *keywords(ode.rate_names, parts.ids)]
+    n_states = len(ode.states)
+    kept = f"[:{n_states}]" if any(part.code.unseen for part in inside) else ""
+    called = [time, (seen[0] if seen else "state") + kept, *keywords(ode.rate_names, parts.ids)]
     lines.append(call("rhs", called, "slopes = "))
-    lines.append("    slopes = np.array(slopes, dtype=float).reshape(state.shape)")
+    lines.append(f"    slopes = np.array(slopes, dtype=float).reshape(state{kept}.shape)")
     for part in inside:
-        if part.code.does == "adds to slope":
-            states = {part.ids[key]: name for key, name in part.code.states.items()}
-            own = [
-                f"state[{ode.states.index(states[one])}]" if one in states else one
-                for one in (*arguments_of(part), *call_values_of(part))
-            ]
-            at = ode.states.index(part.code.of)
+        if part.code.does != "adds to slope":
+            continue
+        states, at = part.code.states, ode.states.index(part.code.of)
+        # unseen ones come last
+        rows = {
+            part.ids[key]: n_states if key == "store" else ode.states.index(name)
+            for key, name in states.items()
+        }
+        own = [
+            f"state[{rows[one]}]" if one in rows else one
+            for one in (*arguments_of(part), *call_values_of(part))
+        ]
+        if not part.code.unseen:
             lines.append(call(part.function, own, f"slopes[{at}] += "))
+            continue
+        n_states += 1
+        lines.append(call(part.function, own, "added = "))
+        lines.append(f"    slopes[{at}] += added")
+        lines.append(f"    slopes = np.vstack([slopes, -added / {part.ids['ratio']}])")
     return "\n".join([*lines, "    return slopes"])
 
 
@@ -113,11 +130,11 @@ _FIRST = """
 _SOLUTIONS = '''def solutions({rhs}):
     """Return the states of rows, (n_states, n): equal numbers are one solution."""
     numbers = np.array(np.broadcast_arrays(times, *numbers)[1:])
-    states = np.empty((len(STATES), len(times)))
+    states = np.empty((len(SIZES), len(times)))
     for own in np.unique(numbers, axis=1).T:
         here = np.all(numbers == own[:, None], axis=0)
         states[:, here] = solution({own})
-    return states'''
+    return states[: len(STATES)]'''
 
 
 _SOLUTION = '''{definition}

@@ -23,10 +23,12 @@ from hybridsurrogate.effects.base import Cause, Rows
 from hybridsurrogate.effects.code import Code, LevelTable, names_in
 from hybridsurrogate.effects.dynamics.dynamic_delay import DynamicDelay
 from hybridsurrogate.effects.dynamics.dynamic_drift import DynamicDrift
+from hybridsurrogate.effects.dynamics.dynamic_store import DynamicStore
 from hybridsurrogate.effects.dynamics.dynamic_term import DynamicTerm
 from hybridsurrogate.numerics.digits import interval
 from hybridsurrogate.ode.dynamics import DelayedState, MissingTerm, TimeVaryingParameter
 from hybridsurrogate.ode.simulator import OdeSimulator
+from hybridsurrogate.ode.store import CoupledStore
 from hybridsurrogate.simulation.modification import Modification
 from hybridsurrogate.types import FloatArray
 
@@ -283,6 +285,8 @@ def as_cause(change: Modification) -> Cause:
         )
     if isinstance(change, DelayedState):
         return DynamicDelay(change.state)
+    if isinstance(change, CoupledStore):
+        return DynamicStore(change.state)
     raise ValueError(
         f"The simulation has a change of its dynamics that is not written as Python: {change!r}."
     )

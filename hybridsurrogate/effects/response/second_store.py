@@ -125,7 +125,7 @@ def _over_inputs(context: Context) -> Iterator[Cause]:
 
 
 def _lacking(context: Context) -> Iterator[tuple[str | None, str]]:
-    if not context.log_scale:
+    if not (context.log_scale or context.states):
         yield None, "the output itself is measured: decay is the same"
 
 

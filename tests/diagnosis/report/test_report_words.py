@@ -168,6 +168,10 @@ FOUND = {
         hs.DynamicDelay("prey"),
         {"lag": 2.0},
     ),
+    "prey exchanges with a store that its equation leaves out, 2.0 times its size, over 3.0 h.": (
+        hs.DynamicStore("prey"),
+        {"ratio": 2.0, "scale": 3.0},
+    ),
     "The equation of prey misses a drive with a period of 7.0 h.": (
         hs.DynamicTerm("prey", "seasonal"),
         {"period": 7.0},

@@ -781,6 +781,23 @@ def stiff(t, state, rate):
     return np.stack([-1000 * rate * (state[0] - np.cos(t)), rate * (state[0] - state[1])])
 
 
+def test_unseen_stores_come_after_the_states():
+    simulator = hs.OdeSimulator(
+        stiff,
+        {"fast": 0.0, "slow": 1.0},
+        second,
+        inputs={"t": (0, 5)},
+        parameters={"rate": stats.uniform(0.01, 0.02)},
+        states=("fast", "slow"),
+    )
+    frame = pd.DataFrame({"t": np.linspace(0, 5, 12)})
+    context = context_of(frame, simulator)
+    causes = [hs.DynamicStore("slow"), hs.DynamicTerm("fast"), hs.DynamicStore("fast", "other")]
+    source, expected = written([one.prepare(context) for one in causes], frame, simulator)
+    found = run(source, stiff, second, frame=frame)
+    np.testing.assert_allclose(found, expected, rtol=1e-4)
+
+
 @pytest.mark.parametrize("method", ["rosenbrock", pytest.param("LSODA", marks=pytest.mark.slow)])
 def test_other_solvers(method):
     simulator = hs.OdeSimulator(

@@ -175,6 +175,7 @@ def unit_of(view: View, cause: Cause, name: str) -> str:
         "slope": f"{moved} per {column}",
         "curvature": f"{moved} per {column} squared",
         "value": target,
+        "gap": target,
         "spread": target,
         "gain": "a factor",
         "ratio": "a factor",
