@@ -31,6 +31,7 @@ from hybridsurrogate.effects.output.interaction import Interaction
 from hybridsurrogate.effects.output.offset import Offset
 from hybridsurrogate.effects.output.periodic import Periodic
 from hybridsurrogate.effects.output.ramp import Ramp
+from hybridsurrogate.effects.output.recurring_jumps import RecurringJumps
 from hybridsurrogate.effects.output.saturation import Saturation
 from hybridsurrogate.effects.output.step import Step
 from hybridsurrogate.effects.output.trend import Trend, TrendSinceStart
@@ -190,6 +191,7 @@ __all__ = [
     "PriorWarning",
     "Ramp",
     "RandomParameter",
+    "RecurringJumps",
     "Remainder",
     "RowByRowWarning",
     "SamplingWarning",

@@ -200,8 +200,11 @@ def main(argv: list[str] | None = None) -> None:
             counts["store first"] += first.kind == "second-store"
             counts["store in set"] += "second-store" in alike
             numbers = {k: round(v, 2) for k, v in fault.items() if k != "kind"}
-            print(f"{seed} {name:9} {hidden:9} {found.verdict_:11} p {found.p_value_:.3f} {form:42}"
-                  f" {found.causes_['probability'].iloc[0]:.2f} {alike} {numbers}", flush=True)
+            print(
+                f"{seed} {name:9} {hidden:9} {found.verdict_:11} p {found.p_value_:.3f} {form:42}"
+                f" {found.causes_['probability'].iloc[0]:.2f} {alike} {numbers}",
+                flush=True,
+            )
         print(kind, given.cases, dict(counts), flush=True)
 
 

@@ -65,6 +65,9 @@ class Cause(BaseEstimator):
     is_screened : bool
         Whether it looks only where the measured output is unusual: a test's replicates are so
         elsewhere, and leave it out.
+    log_prior : float
+        Of a cause that is made from the measured output: the logarithm of the probability, before
+        the data, of what was chosen.
     is_learned : bool
         Whether measured rows inform it; else its numbers are drawn from their priors.
     hierarchy : (str, str, tuple of str) or None
@@ -113,6 +116,7 @@ class Cause(BaseEstimator):
     is_process: bool = False
     is_one_level: bool = False
     is_screened: bool = False
+    log_prior: float = 0.0
     is_learned: bool = True
     hierarchy: tuple[str, str, tuple[str, ...]] | None = None
     follows_mean: bool = False

@@ -94,9 +94,9 @@ class Context:
     at_prior_end : dict of str to float
         Parameters that the data push against an end of their prior, and the values they have
         there. Empty where the simulation itself cannot be run beyond it.
-    unusual : tuple of int
-        Positions of the rows that the simulation misses most, the largest residual first. Empty
-        where nothing was measured yet, and with several outputs.
+    missed : ndarray of shape (n,)
+        What the simulation misses at its best, in units of the noise factor. Empty where nothing
+        was measured yet, and with several outputs.
 
     Examples
     --------
@@ -131,7 +131,12 @@ class Context:
     slopes: Mapping[str, FloatArray] = field(default_factory=dict)
     unit: float = 1.0
     at_prior_end: Mapping[str, float] = field(default_factory=dict)
-    unusual: tuple[int, ...] = ()
+    missed: FloatArray = field(default_factory=lambda: np.empty(0), repr=False)
+
+    @property
+    def unusual(self) -> tuple[int, ...]:
+        """Positions of the rows, those that the simulation misses most first."""
+        return tuple(np.argsort(-np.abs(self.missed), kind="stable").tolist())
 
     def begins_at_zero(self, column: str) -> bool:
         """Return whether a column ends near zero, and is never on the other side of it.

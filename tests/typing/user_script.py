@@ -125,6 +125,7 @@ causes: list[hs.Cause] = [
     hs.ParameterProcess("rate", "minutes"),
     hs.Periodic("minutes", harmonics=2),
     hs.Ramp("minutes"),
+    hs.RecurringJumps("minutes"),
     hs.RandomParameter("rate"),
     hs.Remainder(1.0),
     hs.Saturation("minutes"),

@@ -64,7 +64,8 @@ def prior_odds(causes: Sequence[Cause | None]) -> FloatArray:
     """Return the prior probability of each cause, None for nothing that is wrong.
 
     Kinds share the prior equally, and the forms of a kind share that of their kind. Causes that
-    differ only in their level share that of one form.
+    differ only in their level share that of one form. What a cause chose from the data has a share
+    of that (`Cause.log_prior`).
     """
     kinds = ["none" if cause is None else cause.kind for cause in causes]
     forms = [
@@ -75,7 +76,8 @@ def prior_odds(causes: Sequence[Cause | None]) -> FloatArray:
     of_form = Counter(forms)
     fixed = {"none": SETTINGS.prior_none, "unexplained": SETTINGS.prior_unexplained}
     share = (1 - sum(fixed.values())) / max(len(of_kind.keys() - fixed.keys()), 1)
-    return np.array(
+    chosen = np.exp([0.0 if cause is None else cause.log_prior for cause in causes])
+    return chosen * np.array(
         [
             fixed.get(kind) or share / of_kind[kind] / of_form[form]
             for kind, form in zip(kinds, forms, strict=True)

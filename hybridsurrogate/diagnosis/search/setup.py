@@ -17,7 +17,6 @@ from hybridsurrogate.diagnosis.search.noise_of_outputs import at_noise_of
 from hybridsurrogate.effects.axis import position_among
 from hybridsurrogate.effects.base import Cause, Context
 from hybridsurrogate.effects.in_output import prepared_for
-from hybridsurrogate.effects.noise.gross_error import MOST_ROWS
 from hybridsurrogate.effects.noise.known_errors import Jitter
 from hybridsurrogate.effects.noise.shared_errors import SharedErrors
 from hybridsurrogate.effects.parameters.parameter_by_experiment import ParameterByExperiment
@@ -116,7 +115,7 @@ def prepare(
     at = problem.model.values(problem.good)
     context = plain.context_of(problem, coefficients, at)
     if problem.stacking is None:
-        context = replace(context, unusual=_most_missed(problem, coefficients))
+        context = replace(context, missed=_missed(problem, coefficients))
     if problem.model.basis.is_simulation:
         ends = {one.name: one.mean for one in at_prior_ends(fitted.posterior_)}
         context = replace(context, at_prior_end=ends)
@@ -132,13 +131,12 @@ def prepare(
     return Prepared(problem, causes, [*unusable, *skipped], unusable)
 
 
-def _most_missed(problem: Problem, coefficients: FloatArray) -> tuple[int, ...]:
-    """Return the positions of rows, that with the largest residual of the best draw first."""
+def _missed(problem: Problem, coefficients: FloatArray) -> FloatArray:
+    """Return the residuals of the best draw, (n,), in units of the noise factor."""
     at = problem.model.values(problem.good)
     with np.errstate(over="ignore", invalid="ignore"):
         output, _, noise = problem.model.simulated(problem.X, at, coefficients)
-        missed = np.abs(problem.y - output[0]) / noise[0]
-    return tuple(np.argsort(-np.nan_to_num(missed), kind="stable")[:MOST_ROWS].tolist())
+        return np.nan_to_num((problem.y - output[0]) / noise[0])
 
 
 def _best_draw(fitted: PowerScaledSurrogate, problem: Problem) -> FloatArray:

@@ -172,6 +172,10 @@ FOUND = {
         hs.DynamicStore("prey"),
         {"ratio": 2.0, "scale": 3.0},
     ),
+    "mass jumps again and again over t, and each jump decays over 3.0 h.": (
+        hs.RecurringJumps("t", places=(2.0, 7.0)),
+        {"scale": 3.0},
+    ),
     "The equation of prey misses a drive with a period of 7.0 h.": (
         hs.DynamicTerm("prey", "seasonal"),
         {"period": 7.0},

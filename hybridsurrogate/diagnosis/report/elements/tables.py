@@ -152,7 +152,7 @@ def unit_of(view: View, cause: Cause, name: str) -> str:
     if isinstance(cause, ParameterByExperiment):
         return target
     moved = target if cause.kind == "parameter-drift" else view.scale
-    if name.startswith("level_"):
+    if name.startswith(("level_", "jump_")):
         return view.scale
     if cause.kind == "noise" and name == "slope":
         return f"log noise per {column}"
