@@ -65,7 +65,7 @@ class Cause(BaseEstimator):
     is_screened : bool
         Whether it looks only where the measured output is unusual: a test's replicates are so
         elsewhere, and leave it out.
-    log_prior : float
+    log_prior_of_choice : float
         Of a cause that is made from the measured output: the logarithm of the probability, before
         the data, of what was chosen.
     is_learned : bool
@@ -116,7 +116,7 @@ class Cause(BaseEstimator):
     is_process: bool = False
     is_one_level: bool = False
     is_screened: bool = False
-    log_prior: float = 0.0
+    log_prior_of_choice: float = 0.0
     is_learned: bool = True
     hierarchy: tuple[str, str, tuple[str, ...]] | None = None
     follows_mean: bool = False

@@ -78,15 +78,15 @@ def test_noise_alone_has_no_jumps(seed):
 def test_places_from_the_data_pay_for_all_others():
     context = context_of(pd.DataFrame({"cycle": CYCLE}), FADE)
     known = hs.RecurringJumps("cycle", places=(12.0, 30.0)).prepare(context)
-    assert known.log_prior == 0.0
+    assert known.log_prior_of_choice == 0.0
     assert not known.is_screened
     detected = known.filled(n_tried=59)
     assert detected.is_screened
-    assert detected.log_prior == pytest.approx(-log(20) - log(comb(59, 2)))
+    assert detected.log_prior_of_choice == pytest.approx(-log(20) - log(comb(59, 2)))
     step = hs.Step("cycle")
     alone, paid = prior_odds([None, step, known]), prior_odds([None, step, detected])
     np.testing.assert_allclose(paid[:2], alone[:2])
-    assert paid[2] / alone[2] == pytest.approx(np.exp(detected.log_prior))
+    assert paid[2] / alone[2] == pytest.approx(np.exp(detected.log_prior_of_choice))
 
 
 def test_what_is_not_enough_is_left_out():

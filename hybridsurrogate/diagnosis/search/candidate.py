@@ -65,7 +65,7 @@ def prior_odds(causes: Sequence[Cause | None]) -> FloatArray:
 
     Kinds share the prior equally, and the forms of a kind share that of their kind. Causes that
     differ only in their level share that of one form. What a cause chose from the data has a share
-    of that (`Cause.log_prior`).
+    of that (`Cause.log_prior_of_choice`).
     """
     kinds = ["none" if cause is None else cause.kind for cause in causes]
     forms = [
@@ -76,7 +76,7 @@ def prior_odds(causes: Sequence[Cause | None]) -> FloatArray:
     of_form = Counter(forms)
     fixed = {"none": SETTINGS.prior_none, "unexplained": SETTINGS.prior_unexplained}
     share = (1 - sum(fixed.values())) / max(len(of_kind.keys() - fixed.keys()), 1)
-    chosen = np.exp([0.0 if cause is None else cause.log_prior for cause in causes])
+    chosen = np.exp([0.0 if cause is None else cause.log_prior_of_choice for cause in causes])
     return chosen * np.array(
         [
             fixed.get(kind) or share / of_kind[kind] / of_form[form]

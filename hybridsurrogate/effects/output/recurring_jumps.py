@@ -87,7 +87,7 @@ class RecurringJumps(OverColumn):
         return self.n_tried > 0
 
     @property
-    def log_prior(self) -> float:  # type: ignore[override]
+    def log_prior_of_choice(self) -> float:  # type: ignore[override]
         """The logarithm of the probability of the number of jumps and of their places."""
         if not self.n_tried:
             return 0.0
