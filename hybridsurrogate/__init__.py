@@ -31,7 +31,6 @@ from hybridsurrogate.effects.output.interaction import Interaction
 from hybridsurrogate.effects.output.offset import Offset
 from hybridsurrogate.effects.output.periodic import Periodic
 from hybridsurrogate.effects.output.ramp import Ramp
-from hybridsurrogate.effects.output.recurring_jumps import RecurringJumps
 from hybridsurrogate.effects.output.saturation import Saturation
 from hybridsurrogate.effects.output.step import Step
 from hybridsurrogate.effects.output.trend import Trend, TrendSinceStart
@@ -45,6 +44,7 @@ from hybridsurrogate.effects.response.build_up import BuildUp
 from hybridsurrogate.effects.response.gain import Gain
 from hybridsurrogate.effects.response.limit import Limit
 from hybridsurrogate.effects.response.loss import Loss
+from hybridsurrogate.effects.response.recurring_jumps import RecurringJumps
 from hybridsurrogate.effects.response.second_store import SecondStore
 from hybridsurrogate.effects.response.sensor_response import SensorResponse
 from hybridsurrogate.emulators.emulator import Emulator

@@ -28,7 +28,7 @@ class DynamicStore(Dynamic):
     Pharmacokinetics, chapter 2). The ratio is the store's size in shares of the state's. Alone the
     two come together as ``exp(-t / scale)``, so that ``k = ratio / (scale (1 + ratio))``. At the
     start z is x plus a gap. It needs an `OdeSimulator`; for other simulations `SecondStore` and
-    `Decay` are what is left of a store that empties.
+    `Decay` are the second exponential of a store that empties.
 
     Parameters
     ----------
@@ -50,9 +50,13 @@ class DynamicStore(Dynamic):
     - gap: Student-t with 3 degrees of freedom around zero, its scale the typical size of the state,
       so that a store at rest and an empty one are both ordinary.
 
+    Where nothing drives the state it follows two exponentials, from which rate, ratio, scale and
+    gap cannot all be inferred: give the prior of what is known, as below of an empty store.
+
     Examples
     --------
     >>> import numpy as np, hybridsurrogate as hs
+    >>> from scipy.stats import norm
     >>> drug = hs.OdeSimulator(
     ...     lambda t, state, rate: -rate * state, initial_state=[8.0],
     ...     observe=lambda state: state[0], inputs={"t": (0, 10)}, states="blood",
@@ -60,9 +64,10 @@ class DynamicStore(Dynamic):
     >>> from hybridsurrogate.ode.store import CoupledStore
     >>> t = np.linspace(0.5, 10, 20)
     >>> y = drug.modified([CoupledStore("blood")])(t, np.tile([0.5, 1.5, 1.0, -8.0], (20, 1)))
+    >>> tissue = hs.DynamicStore("blood", priors={"gap": norm(-8, 0.1)})
     >>> model = hs.PowerScaledSurrogate(
-    ...     drug, surrogate=hs.ExactSurrogate(), effects=[hs.DynamicStore("blood")],
-    ...     n_draws=200, random_state=0).fit(t[:, None], y + 0.01 * np.cos(40 * t))
+    ...     drug, surrogate=hs.ExactSurrogate(), effects=[tissue], n_draws=200, random_state=0)
+    >>> model = model.fit(t[:, None], y + 0.01 * np.cos(40 * t))
     >>> float(model.posterior_.estimates(0)["ratio"].mean().round(1))
     1.5
     """

@@ -107,7 +107,7 @@ class RecurringJumps(OverColumn):
         return {"scale": quantiles(self.parameters["scale"], _SCALES)}
 
     def columns(self, X: Rows, theta: Rows) -> FloatArray:
-        """Return what is left of each jump."""
+        """Return the remaining share of each jump."""
         return _decayed(X[self.column], np.array(self.places), np.asarray(theta["scale"]))
 
     def code(self) -> Code:
@@ -138,7 +138,7 @@ class RecurringJumps(OverColumn):
 
 
 def _decayed(x: FloatArray, places: FloatArray, scale: FloatArray) -> FloatArray:
-    """Return what is left (n, k) of unit jumps at places (k,)."""
+    """Return the remaining shares (n, k) of jumps at places (k,)."""
     since = x[:, None] - places
     return np.where(since >= 0, np.exp(-np.maximum(since, 0) / np.reshape(scale, (-1, 1))), 0.0)
 
@@ -190,7 +190,7 @@ def _path(
 
 
 def _next(shapes: FloatArray, missed: FloatArray, free: FloatArray, chosen: list[int]) -> int:
-    """Return the shape that explains most of what is left given those that are chosen."""
+    """Return the shape that explains most of the residual of those that are chosen."""
     known = np.column_stack([free, shapes[:, chosen]])
     left, others = _without(known, missed), _without(known, shapes)
     size = np.sum(others**2, axis=0)
