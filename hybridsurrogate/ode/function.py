@@ -302,8 +302,9 @@ class _Solutions:
 
         ``late`` are states that it sees instead of those at t. Unseen states come last.
         """
-        ode, given = self.ode, self._given
-        state, unseen = state[: len(ode.states)], state[len(ode.states) :]
+        ode, given, coupled, whole = self.ode, self._given, self._coupled, state
+        if coupled:
+            state = state[: len(ode.states)]
         seen = state
         if drive is None:
             drive = drive_of(self.active, np.array([t]), ode.step).at(0)
@@ -314,7 +315,7 @@ class _Solutions:
             for name, values in late.items():
                 seen[ode.states.index(name)] = values
         slopes = checked_array(ode.rhs(t, seen, **given), "rhs", state.shape, "states by solutions")
-        if drive.added or self._adding or self._coupled:
+        if drive.added or self._adding or coupled:
             slopes = slopes.copy()
             for name, term in drive.added.items():
                 slopes[ode.states.index(name)] += term
@@ -322,12 +323,14 @@ class _Solutions:
             for change, numbers in self._adding:
                 for name, term in change.terms(named, numbers).items():
                     slopes[ode.states.index(name)] += term
+        if not coupled:
+            return slopes
         own = []
-        for (change, numbers, row), other in zip(self._coupled, unseen, strict=True):
+        for (change, numbers, row), other in zip(coupled, whole[len(ode.states) :], strict=True):
             added, slope = change.exchange(state[row], other, numbers)
             slopes[row] += added
             own.append(slope)
-        return np.vstack([slopes, *own]) if own else slopes
+        return np.vstack([slopes, *own])
 
     @cached_property
     def _given(self) -> dict[str, FloatArray]:
