@@ -111,7 +111,7 @@ def solved(name: str, t, values: dict[str, float], fault: dict[str, float | str]
         first = np.append(first, fault["share"] * first[seen])
     if kind != "delay":
         found = solve_ivp(slopes, (0, SPAN), first, t_eval=t, rtol=1e-8, atol=1e-9, max_step=0.1)
-        return found.y[seen]
+        return found.y[seen] if found.success else np.full(len(t), np.inf)
     step, state = 0.01, first
     for time in np.arange(0, SPAN, step):
         middle = state + step / 2 * slopes(time, state)
@@ -161,12 +161,12 @@ def case(kind: str, seed: int):
         reach = float(np.ptp(truth))
         if kind == "none":
             return name, t, truth + rng.uniform(0.01, 0.1) * reach * rng.normal(size=ROWS), fault
-        if not np.isfinite(truth).all():
+        if not np.isfinite([plain, truth]).all():
             continue
 
         def missed(log_values, name=name, t=t, truth=truth, keys=tuple(values)):
             own = dict(zip(keys, np.exp(log_values).tolist(), strict=True))
-            return solved(name, t, own, {}) - truth
+            return np.minimum(solved(name, t, own, {}) - truth, 1e6)
 
         fit = least_squares(missed, np.log(list(values.values())), bounds=(-5, 5))
         noise = float(np.sqrt(np.mean(fit.fun**2))) / SIZE
