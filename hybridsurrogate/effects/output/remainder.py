@@ -34,8 +34,8 @@ class Remainder(Declared):
     size : float
         Root mean square of what an extension changed at the measured rows, on the scale of eta.
     least : float, default=0.01
-        Smallest amplitude, in shares of the size. An extension by a curve of any shape has 0.5: it
-        says nothing of where the curve goes.
+        Smallest amplitude, in shares of the size. An extension by a curve of any shape has 0.5, as
+        nobody knows where the curve goes.
     ranges : dict of name to (low, high), or None, default=None
         Measured range of each input. None: that of the rows in ``fit``.
     by : str or None, default=None
