@@ -82,6 +82,10 @@ class AveragedSurrogate(SurrogateEstimator):
         self.weights = weights
         self.random_state = random_state
 
+    def __repr__(self, N_CHAR_MAX: int = 400) -> str:
+        # several models with their effects, indented: scikit-learn counts no blanks
+        return super().__repr__(N_CHAR_MAX)
+
     @property
     def simulation(self) -> SimulationData | Simulator | None:
         """The simulation that the estimators share; None without any."""

@@ -57,7 +57,7 @@ def test_the_headline_the_cards_and_the_next_calls(named, report):
     assert float(found.group(1)) == pytest.approx(location, abs=0.1)
     assert float(found.group(2)) == pytest.approx(amplitude, abs=0.1)
     told = cards(report)
-    assert told["Is something wrong?"].startswith("Yes: p = 0.024: none of 40 data sets")
+    assert told["Is something wrong?"].startswith("Yes: p ≤ 0.024: at most one in ")
     assert f"{digits.probability(named.probability_right_)} right" in told["How sure is the cause?"]
     gain = named.gain_
     score = digits.plus_minus(gain.elpd_difference, gain.standard_error, sign=True)
@@ -260,7 +260,7 @@ def test_without_cross_validation_or_held_out_rows(named):
     diagnosis.result_ = replace(named.result_, gain=None, gain_out_of_range=None)
     # what is set after a fit is for the next one
     report = diagnosis.set_params(n_replicates=1000, false_alarm_rate=0.5).report()
-    assert "none of 40 data sets" in cards(report)["Is something wrong?"]
+    assert "p ≤ 0.024: at most one in " in cards(report)["Is something wrong?"]
     assert report.to_dict()["n_replicates"] == 40
     assert cards(report)["What is gained?"].startswith("Not measured")
     assert "nothing was tested" in cards(report)["How far to trust it?"]

@@ -38,8 +38,13 @@ def _wrong(view: View) -> Card:
         "data": "Yes, in the data",
         "prior": "Yes, in a prior",
     }.get(result.conclusion.concerns or "", "Yes")
-    p = digits.number(result.test.p_value, 2)
-    return Card(WRONG, word or where, f"p = {p}: {basis_of_p_value(view)}")
+    p, sign = digits.number(result.test.p_value, 2), "≤" if _is_bounded(view) else "="
+    return Card(WRONG, word or where, f"p {sign} {p}: {basis_of_p_value(view)}")
+
+
+def _is_bounded(view: View) -> bool:
+    """Return whether the evidence bounds the p-value, below what replicates could show."""
+    return view.result.test.p_value < view.result.test.share
 
 
 def basis_of_p_value(view: View) -> str:
@@ -47,10 +52,10 @@ def basis_of_p_value(view: View) -> str:
     result = view.result
     n, test = result.settings.n_replicates, result.test
     extreme = round(test.share * (n + 1)) - 1
-    if test.p_value < test.share:
-        million = test.bound < 1e-6
-        odds = "more than a million" if million else digits.number(1 / test.bound, 2)
-        return f"the evidence against the simulation is {odds} to one"
+    if _is_bounded(view):
+        # by Markov's inequality, see `evidence_bound`
+        odds = "a million" if test.bound < 1e-6 else f"{float(f'{1 / test.bound:.2g}'):,.0f}"
+        return f"at most one in {odds} data sets made by the simulation itself looks as wrong"
     how_many = {0: "none", n: "all"}.get(extreme, str(extreme))
     looks = "looks" if extreme in (0, 1) else "look"
     return f"{how_many} of {n} data sets made by the simulation itself {looks} as wrong"
