@@ -33,9 +33,9 @@ def best_modes(
 
     ``log_prior`` is that of "nothing is wrong" and of every cause. ``nearby`` are the modes of the
     same causes in other rows of the same data, None where a cause was not compared in them: they
-    stand for that first optimisation, and what is
-    promising is followed from there alone, to the end where those were a sample of these rows. An
-    `InterruptedSearch` contains the fits of the first so many causes.
+    stand for that first optimisation, and what is promising is followed from there alone, to the
+    end where those were a sample of these rows. An `InterruptedSearch` contains the fits of the
+    first so many causes.
 
     Returns
     -------
