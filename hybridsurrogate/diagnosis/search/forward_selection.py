@@ -260,8 +260,8 @@ def searches(steps: Sequence[SearchStep]) -> list[Search]:
 def _nearby(
     model: MeasuredModel, causes: Sequence[Cause], searches: Sequence[Search]
 ) -> Search | None:
-    """Return the search over the same causes in other rows, None without one."""
-    return next((one for s in searches if (one := s.over(model, causes)) is not None), None)
+    """Return the search that compares the same causes in other rows, None without one."""
+    return next((one for one in searches if one.compares(model, causes)), None)
 
 
 def _first_choice(result: Search) -> Candidate:

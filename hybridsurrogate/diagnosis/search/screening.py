@@ -26,16 +26,15 @@ def best_modes(
     causes: Sequence[Cause],
     null: Fitted,
     log_prior: FloatArray,
-    nearby: Sequence[Fitted | None] | None = None,
+    nearby: Sequence[Fitted] | None = None,
     is_sample: bool = False,
 ) -> tuple[list[Fitted], FloatArray]:
     """Fit every cause: from one start, and from more where that looks promising.
 
     ``log_prior`` is that of "nothing is wrong" and of every cause. ``nearby`` are the modes of the
-    same causes in other rows of the same data, None where a cause was not compared in them: they
-    stand for that first optimisation, and what is promising is followed from there alone, to the
-    end where those were a sample of these rows. An `InterruptedSearch` contains the fits of the
-    first so many causes.
+    same causes in other rows of the same data: they stand for that first optimisation, and what is
+    promising is followed from there alone, to the end where those were a sample of these rows. An
+    `InterruptedSearch` contains the fits of the first so many causes.
 
     Returns
     -------
@@ -45,11 +44,6 @@ def best_modes(
     """
     problem = context.problem
     fits: list[Fitted] = []
-    # a first fit may have found a lower mode on too coarse a grid; where those in other rows ended
-    # is nearly it, and what had a chance there has a finer grid already
-    is_coarse = np.array(
-        [is_sample or nearby is None or nearby[k] is None for k in range(len(causes))]
-    )
     try:
         for k, cause in enumerate(causes):
             model = problem.model.with_effects((*problem.model.effects, cause))
@@ -57,18 +51,20 @@ def best_modes(
             if is_followed(cause):
                 # with every unknown followed a start is a choice, which other rows must not make
                 fits.append(_followed(context, model, grid, null))
-                continue
-            end = None if nearby is None or cause.is_correlated_noise else nearby[k]
-            if end is None:
+            elif nearby is None or model.effects[-1].is_correlated_noise:
                 fits.append(_once(context, model, grid, null))
             else:
-                fits.append(_unchanged(context, model, grid, end, null))
-        margin = np.where(is_coarse, SETTINGS.behind, SETTINGS.behind_nearby)
+                fits.append(_unchanged(context, model, grid, nearby[k], null))
+        # a first fit may have found a lower mode on too coarse a grid; where those in other rows
+        # ended is nearly it, and what had a chance there has a finer grid already
+        is_coarse = nearby is None or is_sample
+        margin = SETTINGS.behind if is_coarse else SETTINGS.behind_nearby
         behind = _far_behind(context, [null, *fits], log_prior, margin)
         for k in map(int, np.flatnonzero(np.isnan(behind))):
             if causes[k].is_correlated_noise or is_followed(causes[k]):
                 continue
-            rounds = None if is_coarse[k] else SETTINGS.refinements_nearby
+            # where those in other rows ended the grid is fine already
+            rounds = None if is_coarse else SETTINGS.refinements_nearby
             fits[k] = context.converge(fits[k], rounds)
     except KeyboardInterrupt as stop:
         raise InterruptedSearch(fits) from stop
@@ -137,11 +133,11 @@ def _far_behind(
     context: SearchContext,
     fits: Sequence[Fitted],
     log_prior: FloatArray,
-    margin: FloatArray,
+    margin: float,
 ) -> FloatArray:
     """Return the log evidence of causes that are far behind; NaN for the others, failed or not.
 
-    By more than ``margin``, one for each, in nats with the prior odds.
+    By more than ``margin``, in nats with the prior odds.
 
     The first of the fits is that of "nothing is wrong". The stronger the data, the more a grid
     misses between its nodes: what a finer one reaches counts, too.
@@ -153,14 +149,14 @@ def _far_behind(
     # could not be followed at all gets its other starting points, too
     of_any_shape = [any(e.kind == "unexplained" for e in fit.model.effects[-1:]) for fit in fits]
     weight = np.where(np.isfinite(reached), reached + log_prior, -np.inf)
-    best = np.max(weight[~np.array(of_any_shape)], initial=-np.inf)
-    behind = weight[1:] < best - margin
-    for k in map(int, np.flatnonzero(behind & np.isfinite(reached[1:]))):
-        if len(fits[1 + k].grid.nodes):
-            missed = _between_nodes(context, fits[1 + k], scans[1 + k], sizes)
+    enough = np.max(weight[~np.array(of_any_shape)], initial=-np.inf) - margin
+    behind = weight < enough
+    for k in map(int, np.flatnonzero(behind & np.isfinite(reached))):
+        if len(fits[k].grid.nodes):
+            missed = _between_nodes(context, fits[k], scans[k], sizes)
             # what gains so much without an optimisation may gain as much again by one
-            behind[k] = weight[1 + k] + missed < best - margin[k] and missed < margin[k]
-    return np.where(behind & np.isfinite(reached[1:]), reached[1:], np.nan)
+            behind[k] = weight[k] + missed < enough and missed < margin
+    return np.where(behind & np.isfinite(reached), reached, np.nan)[1:]
 
 
 def _between_nodes(

@@ -109,22 +109,17 @@ class Search:
         """Return the position of a cause, None where it was not compared."""
         return next((k for k, w in enumerate(self.candidates) if w.cause is cause), None)
 
-    def over(self, model: MeasuredModel, causes: Sequence[Cause]) -> Search | None:
-        """Return it with candidates for the same causes in other rows, in their order.
+    def compares(self, model: MeasuredModel, causes: Sequence[Cause]) -> bool:
+        """Whether it compares the same causes, in other rows, given the same causes of a model."""
 
-        Other rows may lack an experiment, which has a separate number, or put a parameter at the
-        end of its prior: a cause that was not compared here has the fit of "nothing is wrong". None
-        where other causes of the model are given.
-        """
-        if [_form(cause) for cause in self.problem.model.effects] != [
-            _form(cause) for cause in model.effects
-        ]:
-            return None
-        none = self.candidates[0]
-        known = {_form(w.cause): w for w in self.candidates[1:] if w.cause is not None}
-        unknown = [Candidate(cause, none.fit, -np.inf) for cause in causes]
-        found = [known.get(_form(cause), w) for cause, w in zip(causes, unknown, strict=True)]
-        return self.reweighed([none, *found])
+        def forms(some: Sequence[Cause]) -> list[tuple[str, ...]]:
+            # other rows may lack an experiment, which has a separate number
+            return [(cause.name, cause.variant, *cause.parameters) for cause in some]
+
+        own = [w.cause for w in self.candidates if w.cause is not None]
+        return forms(self.problem.model.effects) == forms(model.effects) and forms(own) == forms(
+            causes
+        )
 
     def reweighed(self, candidates: list[Candidate]) -> Search:
         """Return the search with other evidence for its candidates."""
@@ -147,7 +142,7 @@ def search(
     accepted : Candidate or None
         The last of the problem's effects as it was fitted, in place of "nothing is wrong".
     nearby : Search or None
-        The search over the same causes in other rows of the same data (`Search.over`): only
+        The search over the same causes in other rows of the same data (`Search.compares`): only
         what is promising there is optimised, from where it ended there. Grids are searched anew,
         but an optimisation may keep to its hill.
 
@@ -157,7 +152,7 @@ def search(
         On an interrupt: it contains the search over the causes that were fitted by then.
     """
     null = context.best_null() if accepted is None else context.nothing_further(accepted.fit)
-    ends = None if nearby is None else [_end(nearby, w) for w in nearby.candidates[1:]]
+    ends = [w.fit for w in nearby.candidates[1:]] if nearby is not None else None
     compared = np.arange(len(causes)) if nearby is None else _within_reach(nearby, causes)
     some = [causes[int(k)] for k in compared]
     log_prior = np.log(prior_odds([None, *causes]))[[0, *(1 + compared)]]
@@ -170,12 +165,11 @@ def search(
         kept = [null, *(stop.kept if isinstance(stop, InterruptedSearch) else fits)]
         unknown = np.full(len(kept), np.nan)
         raise InterruptedSearch(_compare(context, some, kept, unknown)) from stop
-    every = [null, *(fits if nearby is None else (w.fit for w in nearby.candidates[1:]))]
-    known = np.full(1 + len(causes), -np.inf)
+    every, known = list(ends or fits), np.full(1 + len(causes), -np.inf)
     for k, fit in zip(compared, fits, strict=True):
-        every[1 + k] = fit
+        every[k] = fit
     known[0], known[1 + compared] = np.nan, behind
-    result = _compare(context, causes, every, known)
+    result = _compare(context, causes, [null, *every], known)
     return _estimated(result, nearby) if nearby is not None and is_sample else result
 
 
@@ -202,17 +196,7 @@ def _within_reach(nearby: Search, causes: Sequence[Cause]) -> NDArray[np.intp]:
         log_share = np.log(nearby.probability[1:])
     best = np.max(log_share, initial=-np.inf)
     always = np.array([cause.is_process or cause.is_correlated_noise for cause in causes])
-    unknown = np.array([_end(nearby, w) is None for w in nearby.candidates[1:]])
-    return np.flatnonzero(always | unknown | (log_share > best - SETTINGS.pruned_nearby))
-
-
-def _end(nearby: Search, candidate: Candidate) -> Fitted | None:
-    """Return where a cause ended in other rows, None where it was not compared in them."""
-    return None if candidate.fit is nearby.candidates[0].fit else candidate.fit
-
-
-def _form(cause: Cause) -> tuple[str, ...]:
-    return (cause.name, cause.variant, *cause.parameters)
+    return np.flatnonzero(always | (log_share > best - SETTINGS.pruned_nearby))
 
 
 def _compare(

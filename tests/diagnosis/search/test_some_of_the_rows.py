@@ -76,24 +76,6 @@ def test_what_was_far_behind_in_all_rows_is_not_compared(searches):
     assert (near.probability[left_out] == 0).all()
 
 
-def test_a_cause_that_all_rows_lack_is_looked_for_and_the_others_start_where_those_ended(searches):
-    """Some rows may put a parameter at the end of its prior, which all of them do not."""
-    whole, near, _ = searches
-    further = near.candidates[2].cause
-    lacking = whole.reweighed(
-        [w for w in whole.candidates if w.cause is None or w.cause.name != further.name]
-    )
-    causes = [w.cause for w in near.candidates[1:]]
-    found = search(near.context, causes, nearby=lacking.over(near.problem.model, causes))
-    of_name = [k for k, cause in enumerate(causes, 1) if cause.name == further.name]
-    assert all(np.isfinite(found.candidates[k].log_evidence) for k in of_name)
-    others = [k for k in range(len(found.candidates)) if k not in of_name]
-    # the prior of sizes depends a little on what is compared
-    np.testing.assert_allclose(
-        *([one.candidates[k].log_evidence for k in others] for one in (found, near)), atol=0.05
-    )
-
-
 def test_no_second_cause_is_looked_for_given_one_whose_pairs_were_far_behind():
     """In four of five rows: first causes tried in all rows, and more than twelve nats behind."""
     rng = np.random.default_rng(5)
