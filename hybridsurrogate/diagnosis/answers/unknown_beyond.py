@@ -46,7 +46,9 @@ def _experiments_that_differ(after: PowerScaledSurrogate) -> str | None:
     experiments = after.data_.experiments
     if experiments is None:
         return None
-    differ = any(experiments.column in effect.reads for effect in after.posterior_.model.effects)
+    # errors that rows share leave the simulation the same in all
+    effects = [one for one in after.posterior_.model.effects if one.changes_output]
+    differ = any(experiments.column in one.reads for one in effects)
     return experiments.column if differ else None
 
 
