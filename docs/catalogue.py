@@ -17,7 +17,7 @@ from hybridsurrogate.effects.registry import FORMS, Form, kinds
 from hybridsurrogate.likelihoods import as_likelihood
 from hybridsurrogate.model.context import at_medians, make_context, with_slopes
 from hybridsurrogate.model.observation import MeasuredModel
-from hybridsurrogate.surrogates.families.exact import ExactBasis
+from hybridsurrogate.surrogates.families.parametric import ExactBasis
 
 # what stands in a sentence for names, as in the formulas
 _NAMES = {"output": "the output", "target": "`x`", "column": "`x`"}

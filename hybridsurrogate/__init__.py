@@ -4,49 +4,28 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 from hybridsurrogate.effects import SIMULATED, SLOPE, Cause, InOutput, Remainder
-from hybridsurrogate.effects.dynamics.dynamic_delay import DynamicDelay
+from hybridsurrogate.effects.dynamics.dynamic import DynamicDelay, DynamicStore
 from hybridsurrogate.effects.dynamics.dynamic_drift import DynamicDrift
-from hybridsurrogate.effects.dynamics.dynamic_store import DynamicStore
-from hybridsurrogate.effects.dynamics.dynamic_term import DynamicTerm
-from hybridsurrogate.effects.dynamics.term_by_experiment import TermByExperiment
-from hybridsurrogate.effects.ignored.friction import Friction
-from hybridsurrogate.effects.ignored.missing_input import MissingInput
-from hybridsurrogate.effects.inputs.delay import Delay
+from hybridsurrogate.effects.dynamics.dynamic_term import DynamicTerm, TermByExperiment
+from hybridsurrogate.effects.inputs import Delay, Friction, MissingInput
 from hybridsurrogate.effects.noise.autocorrelation import Autocorrelation
-from hybridsurrogate.effects.noise.gross_error import GrossError
-from hybridsurrogate.effects.noise.input_error import InputError
-from hybridsurrogate.effects.noise.noise import Noise
-from hybridsurrogate.effects.noise.noise_at_level import NoiseAtLevel
-from hybridsurrogate.effects.noise.noise_of_mean import NoiseOfMean
-from hybridsurrogate.effects.noise.outliers import Outliers
+from hybridsurrogate.effects.noise.known_errors import SharedErrors
+from hybridsurrogate.effects.noise.noise import Noise, NoiseAtLevel, NoiseOfMean
+from hybridsurrogate.effects.noise.noise_of_slope import InputError, RandomParameter
+from hybridsurrogate.effects.noise.outliers import GrossError, Outliers
 from hybridsurrogate.effects.noise.overdispersion import Overdispersion
-from hybridsurrogate.effects.noise.random_parameter import RandomParameter
-from hybridsurrogate.effects.noise.shared_errors import SharedErrors
-from hybridsurrogate.effects.output.bump import Bump
-from hybridsurrogate.effects.output.curve_by_experiment import CurveByExperiment
-from hybridsurrogate.effects.output.decay import Decay
-from hybridsurrogate.effects.output.discrepancy_process import GaussianProcessDiscrepancy
-from hybridsurrogate.effects.output.episode import Episode
-from hybridsurrogate.effects.output.interaction import Interaction
-from hybridsurrogate.effects.output.offset import Offset
 from hybridsurrogate.effects.output.periodic import Periodic
-from hybridsurrogate.effects.output.ramp import Ramp
-from hybridsurrogate.effects.output.saturation import Saturation
-from hybridsurrogate.effects.output.step import Step
-from hybridsurrogate.effects.output.trend import Trend, TrendSinceStart
-from hybridsurrogate.effects.parameters.narrow_prior import NarrowPrior
+from hybridsurrogate.effects.output.processes import CurveByExperiment, GaussianProcessDiscrepancy
+from hybridsurrogate.effects.output.shapes import Bump, Decay, Episode, Ramp, Saturation, Step
+from hybridsurrogate.effects.output.trends import Interaction, Offset, Trend, TrendSinceStart
 from hybridsurrogate.effects.parameters.parameter_by_experiment import ParameterByExperiment
 from hybridsurrogate.effects.parameters.parameter_drift import ParameterDrift
 from hybridsurrogate.effects.parameters.parameter_process import ParameterProcess
-from hybridsurrogate.effects.parameters.wrong_constant import WrongConstant
+from hybridsurrogate.effects.parameters.wrong_constant import NarrowPrior, WrongConstant
 from hybridsurrogate.effects.registry import classes as _causes
-from hybridsurrogate.effects.response.build_up import BuildUp
-from hybridsurrogate.effects.response.gain import Gain
-from hybridsurrogate.effects.response.limit import Limit
-from hybridsurrogate.effects.response.loss import Loss
 from hybridsurrogate.effects.response.recurring_jumps import RecurringJumps
-from hybridsurrogate.effects.response.second_store import SecondStore
-from hybridsurrogate.effects.response.sensor_response import SensorResponse
+from hybridsurrogate.effects.response.response import Gain, Limit, Loss, SensorResponse
+from hybridsurrogate.effects.response.stores import BuildUp, SecondStore
 from hybridsurrogate.emulators.emulator import Emulator
 from hybridsurrogate.estimators import (
     AveragedSurrogate,
@@ -72,7 +51,7 @@ from hybridsurrogate.exceptions import (
     SamplingWarning,
     SolverWarning,
 )
-from hybridsurrogate.inference.sampling.emcee_sampler import EnsembleSampler
+from hybridsurrogate.inference.sampling.ensembles import EnsembleSampler
 from hybridsurrogate.likelihoods import (
     LIKELIHOODS,
     BetaBinomial,
@@ -102,10 +81,6 @@ from hybridsurrogate.surrogates import (
 )
 
 if TYPE_CHECKING:  # imported when they are first used, see `__getattr__`
-    from hybridsurrogate import datasets as datasets
-    from hybridsurrogate import diagnosis as diagnosis
-    from hybridsurrogate import plotting as plotting
-    from hybridsurrogate import scoring as scoring
     from hybridsurrogate.comparison import SimulationComparison, compare_simulations
     from hybridsurrogate.diagnosis import (
         CauseFinding,

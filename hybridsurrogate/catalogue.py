@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from hybridsurrogate.effects.base import Cause, Context
-from hybridsurrogate.effects.in_output import InOutput, of_all_outputs, of_output
 from hybridsurrogate.effects.registry import FORMS, Form
+from hybridsurrogate.effects.wrapped import InOutput, of_all_outputs, of_output
 
 # distinct times that a change inside an ODE needs: one that is placed in time, and any other
 _TIMES_IN_TIME, _TIMES = 8, 3

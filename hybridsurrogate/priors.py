@@ -14,9 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy import special, stats
 
-from hybridsurrogate.arguments.description import described
-from hybridsurrogate.arguments.named import check_mapping
-from hybridsurrogate.arguments.scalars import as_real
+from hybridsurrogate.arguments import as_real, check_mapping, described
 from hybridsurrogate.types import FloatArray, Prior
 
 # Phi(8) is the last step before 1 in double precision

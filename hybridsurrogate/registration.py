@@ -11,13 +11,13 @@ Thing = TypeVar("Thing")
 
 
 def import_all(package: str) -> None:
-    """Import every module of a package, so that it registers what it holds.
+    """Import a module, or every one of a package, so that it registers what it holds.
 
     Examples
     --------
     >>> import_all("hybridsurrogate.likelihoods")
     """
-    for found in iter_modules(import_module(package).__path__, f"{package}."):
+    for found in iter_modules(getattr(import_module(package), "__path__", ()), f"{package}."):
         import_module(found.name)
 
 

@@ -15,7 +15,7 @@ import numpy as np
 import sklearn
 
 import hybridsurrogate
-from hybridsurrogate.arguments.paths import check_readable
+from hybridsurrogate.arguments import check_readable
 from hybridsurrogate.exceptions import HybridSurrogateWarning
 from hybridsurrogate.numerics.atomic_file import check_writable, written_whole
 

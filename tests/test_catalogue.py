@@ -8,7 +8,7 @@ from tide import FRAME, NOISE, SIMULATOR, context_of, plain
 
 import hybridsurrogate as hs
 from hybridsurrogate.catalogue import catalogue
-from hybridsurrogate.diagnosis.answers.table import form_of
+from hybridsurrogate.diagnosis.answers.finding import form_of
 from hybridsurrogate.effects.base import Context
 from hybridsurrogate.effects.registry import kinds
 

@@ -26,7 +26,7 @@ from sklearn.linear_model import LogisticRegression
 from sklearn.model_selection import KFold
 
 import hybridsurrogate as hs
-from hybridsurrogate.diagnosis.checks.outside import DOCUMENTED, NOT_HELD
+from hybridsurrogate.diagnosis.checks.residuals import DOCUMENTED, NOT_HELD
 
 STUDIED = Path(hs.__file__).with_name("studied.json")
 # so many of the measured sets with a documented cause keep structure beside it: mauna-loa, measles,

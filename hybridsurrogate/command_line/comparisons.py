@@ -24,7 +24,7 @@ from hybridsurrogate.command_line.user_code import function_in, is_code
 from hybridsurrogate.comparison import SimulationComparison, compare_simulations
 from hybridsurrogate.exceptions import did_you_mean
 from hybridsurrogate.simulation.curve_tables import long_table
-from hybridsurrogate.simulation.files.table_file import read_table
+from hybridsurrogate.simulation.table_file import read_table
 
 # what each simulation takes as far as it has it
 _SHARED = ("inputs", "parameters", "prior", "assumed", "by_experiment")

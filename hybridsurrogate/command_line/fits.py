@@ -23,11 +23,10 @@ from hybridsurrogate.command_line.study import check_file_columns, model_of, rea
 from hybridsurrogate.command_line.user_code import read_saved
 from hybridsurrogate.diagnosis import DiscrepancyDiagnosis
 from hybridsurrogate.estimators import choose_beta as held_out
-from hybridsurrogate.estimators.beta_choice import LEAVE_FUTURE_OUT
+from hybridsurrogate.estimators.beta_path import LEAVE_FUTURE_OUT
 from hybridsurrogate.saved_file import save
-from hybridsurrogate.simulation.files.measured_table import numbers_of
-from hybridsurrogate.simulation.files.table_file import read_table
 from hybridsurrogate.simulation.simulator import Simulator
+from hybridsurrogate.simulation.table_file import numbers_of, read_table
 
 _LEVEL = 0.9
 

@@ -17,7 +17,7 @@ import pandas as pd
 from hybridsurrogate.diagnosis import DiscrepancyDiagnosis
 from hybridsurrogate.diagnosis.fitting.result import DiagnosisResult
 from hybridsurrogate.diagnosis.report.report import Report, ending_of
-from hybridsurrogate.diagnosis.validation.progress import doing
+from hybridsurrogate.notebook import doing
 from hybridsurrogate.numerics.atomic_file import check_writable, written_whole
 from hybridsurrogate.numerics.digits import probability
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from hybridsurrogate.command_line.commands import COMMANDS, Subcommand
+from hybridsurrogate.command_line.main import EXIT_CODES
 from hybridsurrogate.command_line.options import Option
-from hybridsurrogate.command_line.parsers import EXIT_CODES
 
 _HEAD = f"""# Command line
 

@@ -12,7 +12,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any, NamedTuple, TypeVar
 
-from hybridsurrogate.arguments.paths import check_readable
+from hybridsurrogate.arguments import check_readable
 from hybridsurrogate.exceptions import did_you_mean
 from hybridsurrogate.saved_file import about_saved, load
 

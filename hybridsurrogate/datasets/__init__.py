@@ -1,11 +1,13 @@
 """Measured data with a simulation that is not quite right."""
 
-from hybridsurrogate.datasets.chwirut1 import load_nist_chwirut1
 from hybridsurrogate.datasets.covid19_italy import fetch_covid19_italy
-from hybridsurrogate.datasets.enso import load_nist_enso
 from hybridsurrogate.datasets.log_sin import make_log_sin
-from hybridsurrogate.datasets.mauna_loa_co2 import load_mauna_loa_co2
-from hybridsurrogate.datasets.nile import load_nile
+from hybridsurrogate.datasets.measured import (
+    load_mauna_loa_co2,
+    load_nile,
+    load_nist_chwirut1,
+    load_nist_enso,
+)
 from hybridsurrogate.datasets.sir import make_sir
 
 __all__ = [

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from sklearn.utils import Bunch
 
-from hybridsurrogate.arguments.scalars import random_generator
+from hybridsurrogate.arguments import random_generator
 from hybridsurrogate.priors import truncated_normal
 from hybridsurrogate.simulation.simulator import Simulator
 from hybridsurrogate.types import FloatArray

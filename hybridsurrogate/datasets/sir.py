@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 from scipy.stats import uniform
 from sklearn.utils import Bunch
 
-from hybridsurrogate.arguments.scalars import random_generator
+from hybridsurrogate.arguments import random_generator
 from hybridsurrogate.priors import truncated_normal
 from hybridsurrogate.simulation.simulator import Assumed, SimulationData, Simulator
 from hybridsurrogate.types import FloatArray

@@ -3,14 +3,14 @@
 diagnosis   DiscrepancyDiagnosis: checks its arguments, keeps the result, answers
 refinement  a diagnosis with further runs where they inform most
 checks      data, simulation and emulator: is there something to doubt?
-simulated   data sets with a known cause, and what the linearised evidence says of each
+search      screen every cause, score the most probable, accept, repeat; the same of simulated data
 planning    how often planned measurements would show each cause
-search      screen every cause, score the most probable, accept, repeat
 answers     verdict tables, discrepancy, findings, extended simulation, next measurement
 validation  the whole search repeated on folds: what the extension gains
 fitting     what a fit does with all of these, and its result
 source      the extended model as Python source
 report      text and HTML
+stored      a fitted diagnosis as plain arrays
 """
 
 from hybridsurrogate.diagnosis.answers.finding import CauseFinding

@@ -15,22 +15,18 @@ from sklearn.base import BaseEstimator, RegressorMixin
 from sklearn.utils import check_consistent_length, check_random_state, check_scalar
 from sklearn.utils.validation import check_is_fitted
 
-from hybridsurrogate.arguments.description import described
-from hybridsurrogate.arguments.scalars import check_flag
+from hybridsurrogate.arguments import check_flag, described
 from hybridsurrogate.diagnosis.answers.discrepancy import Discrepancy
-from hybridsurrogate.diagnosis.answers.experimental_design import next_measurements
-from hybridsurrogate.diagnosis.answers.finding import CauseFinding
+from hybridsurrogate.diagnosis.answers.experimental_design import next_measurements, next_runs
+from hybridsurrogate.diagnosis.answers.finding import CauseFinding, parameter_course
 from hybridsurrogate.diagnosis.answers.monitor import Monitor, followed, monitored
-from hybridsurrogate.diagnosis.answers.next_runs import next_runs
-from hybridsurrogate.diagnosis.answers.parameter_course import parameter_course
 from hybridsurrogate.diagnosis.checks.caution import Caution
 from hybridsurrogate.diagnosis.checks.columns import check_usable_columns
 from hybridsurrogate.diagnosis.checks.data import counted_rows
-from hybridsurrogate.diagnosis.checks.emulator import EmulatorCheck
 from hybridsurrogate.diagnosis.checks.parameters import check_settings
 from hybridsurrogate.diagnosis.checks.residuals import ResidualCheck
-from hybridsurrogate.diagnosis.fitting.diagnose import InterruptedDiagnosis, diagnose
-from hybridsurrogate.diagnosis.fitting.folds import with_gain
+from hybridsurrogate.diagnosis.checks.simulation import EmulatorCheck
+from hybridsurrogate.diagnosis.fitting.diagnose import InterruptedDiagnosis, diagnose, with_gain
 from hybridsurrogate.diagnosis.fitting.result import DiagnosisResult, Settings
 from hybridsurrogate.diagnosis.fitting.sensitivity import prior_sensitivity
 from hybridsurrogate.diagnosis.search.search import Search
@@ -42,10 +38,9 @@ from hybridsurrogate.effects.base import Cause
 from hybridsurrogate.estimators.averaged import leading
 from hybridsurrogate.estimators.power_scaled import PowerScaledSurrogate
 from hybridsurrogate.exceptions import DiagnosisWarning
-from hybridsurrogate.inference.prior_ends import AtPriorEnd
+from hybridsurrogate.inference.procedure import AtPriorEnd
 from hybridsurrogate.likelihoods import as_likelihood
-from hybridsurrogate.model.rows.measured_rows import check_outcomes, without_gaps
-from hybridsurrogate.model.rows.row_errors import taken_out
+from hybridsurrogate.model.rows.measured_data import check_outcomes, taken_out, without_gaps
 from hybridsurrogate.numerics.atomic_file import check_writable, written_whole
 from hybridsurrogate.simulation.arrays import complete_table
 from hybridsurrogate.simulation.simulator import Simulator
@@ -852,7 +847,7 @@ class DiscrepancyDiagnosis(RegressorMixin, BaseEstimator):
         import matplotlib.pyplot as plt
 
         from hybridsurrogate.diagnosis.report.elements.view import view_of
-        from hybridsurrogate.diagnosis.report.first_screen.picture import overview
+        from hybridsurrogate.diagnosis.report.picture import overview
 
         # before a figure is made
         view, held_out = view_of(self.result_, units), self._held_out(test)

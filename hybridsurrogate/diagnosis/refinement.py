@@ -13,17 +13,16 @@ from numpy.typing import ArrayLike
 from sklearn.base import clone
 from sklearn.utils import check_scalar
 
-from hybridsurrogate.arguments.description import described
-from hybridsurrogate.arguments.scalars import check_n_jobs
-from hybridsurrogate.diagnosis.checks.emulator import EmulatorCheck
+from hybridsurrogate.arguments import check_n_jobs, described
+from hybridsurrogate.diagnosis.checks.simulation import EmulatorCheck
 from hybridsurrogate.diagnosis.diagnosis import DiscrepancyDiagnosis
 from hybridsurrogate.exceptions import (
     DiagnosisWarning,
     FailedRunsWarning,
     HybridSurrogateWarning,
 )
-from hybridsurrogate.simulation.files.table_file import RUN
 from hybridsurrogate.simulation.simulator import SimulationData, Simulator
+from hybridsurrogate.simulation.table_file import RUN
 
 
 def refine(

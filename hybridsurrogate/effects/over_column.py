@@ -6,8 +6,8 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from hybridsurrogate.effects.axis import UNKNOWN, Axis
 from hybridsurrogate.effects.base import Cause, Context, Declared, FloatArray, Rows
+from hybridsurrogate.effects.context import UNKNOWN, Axis
 from hybridsurrogate.priors import prior_range
 from hybridsurrogate.types import Prior
 

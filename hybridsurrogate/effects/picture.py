@@ -7,7 +7,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from hybridsurrogate.effects.base import SIMULATED, SLOPE, Cause, Context
-from hybridsurrogate.likelihoods.contaminated import log_shape
+from hybridsurrogate.likelihoods.student_t import log_shape
 from hybridsurrogate.types import FloatArray
 
 _N_DRAWS = 5

@@ -1,6 +1,6 @@
-"""The registry of causes: each file of effects/ registers its forms.
+"""The registry of causes: each class of effects/ registers its forms.
 
-A new cause is one file in a room of effects/: it is imported, exported, proposed to every
+A new cause is one class in a room of effects/: it is imported, exported, proposed to every
 diagnosis, shown in reports and listed in the documentation because it registers itself.
 """
 
@@ -19,7 +19,7 @@ _ALWAYS = "unexplained"
 # arguments that a cause needs, as the table writes them
 _SHORT = {"column": "x", "by": "e", "parameter": "p", "constant": "c", "quantity": "p"}
 _SHORT |= {"first": "x1", "second": "x2"}
-_ROOMS = ("output", "ignored", "response", "parameters", "inputs", "dynamics", "noise")
+_ROOMS = ("output", "inputs", "response", "parameters", "dynamics", "noise")
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""The simulation conditioned on its runs: the surrogate's terms and a process for what they miss.
+"""The simulation conditioned on its runs, and runs predicted from all others.
 
 A polynomial may miss the simulation by a curve, which would be blamed on the simulation. One with
 more terms than runs is arbitrary between them. So a search takes the
@@ -11,27 +11,170 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
-from scipy.linalg import block_diag
+from numpy.typing import NDArray
+from scipy import stats
+from scipy.linalg import block_diag, cho_factor, cho_solve
+from scipy.spatial import cKDTree
 
-from hybridsurrogate.model.statistics import EmulatorPosterior
-from hybridsurrogate.numerics.blocks import blocks, each_with_each
-from hybridsurrogate.numerics.cholesky import pivoted_cholesky
+from hybridsurrogate.model.statistics import (
+    EmulatorPosterior,
+    emulator_posterior,
+    statistics_of_runs,
+)
+from hybridsurrogate.numerics.linear_algebra import blocks, each_with_each, pivoted_cholesky
 from hybridsurrogate.simulation.simulator import SimulationData
 from hybridsurrogate.surrogates.basis import Basis
-from hybridsurrogate.surrogates.emulation.curve_emulator import CurveEmulator, emulate_curves
-from hybridsurrogate.surrogates.emulation.local_variance import LocalError
-from hybridsurrogate.surrogates.emulation.process import (
+from hybridsurrogate.surrogates.emulation.covariance import (
+    LocalError,
     Places,
     Process,
     conditioned,
     process_through,
+    used_rows,
     weights_of,
 )
+from hybridsurrogate.surrogates.emulation.curve_emulator import CurveEmulator, emulate_curves
 from hybridsurrogate.surrogates.families.kriging import CurveBasis, KrigingBasis
 from hybridsurrogate.surrogates.families.stacked import StackedBasis, stacked
 from hybridsurrogate.types import FloatArray
+
+# places of one run, in lengths of the process
+_SAME = 1e-9
+
+
+class LeftOut(NamedTuple):
+    """Outputs, and what an emulator of all other runs predicts for them.
+
+    Attributes
+    ----------
+    rows : ndarray of shape (n,)
+        Which of the runs' rows.
+    y, mean, sd : ndarray of shape (n,)
+    """
+
+    rows: NDArray[np.intp]
+    y: FloatArray
+    mean: FloatArray
+    sd: FloatArray
+
+    @property
+    def q2(self) -> float:
+        """1 - sum (y - mean)^2 / sum (y - average)^2: 1 where every run is predicted exactly."""
+        total = np.sum((self.y - np.mean(self.y)) ** 2)
+        return float(1 - np.sum((self.y - self.mean) ** 2) / total) if total else 1.0
+
+    @property
+    def pit(self) -> FloatArray:
+        """Where each output lies in its predictive distribution, (n,): uniform if that is right."""
+        return np.asarray(stats.norm.cdf(self.y, self.mean, np.maximum(self.sd, 1e-300)))
+
+    def coverage(self, level: float = 0.9) -> float:
+        """Return the share of outputs in their central intervals."""
+        return float(np.mean(np.abs(self.pit - 0.5) <= level / 2))
+
+
+def of_process(basis: KrigedBasis, y: FloatArray) -> LeftOut:
+    """Return the runs of a process, each given all others (Rasmussen and Williams 2006, 5.12).
+
+    Parameters
+    ----------
+    basis : KrigedBasis
+        With the error of all its runs.
+    y : ndarray of shape (n,)
+        Outputs of all runs.
+    """
+    rows = used_rows(len(y))
+    y = y[rows]
+    precision = np.sum(basis.whiten**2, axis=0)
+    sd = basis.sd * basis.local.at(basis.runs.points) / np.sqrt(precision)
+    return LeftOut(rows, y, y - basis.weights / precision, sd)
+
+
+def of_curves(basis: KrigedCurves, X: FloatArray, omega: FloatArray, y: FloatArray) -> LeftOut:
+    """Return the rows of runs that are curves, each curve given all others.
+
+    Parameters
+    ----------
+    basis : KrigedCurves
+    X, omega, y : ndarray of shape (n, n_inputs), (n, n_parameters), (n,)
+    """
+    emulator = basis.emulator
+    none = np.empty((len(X), 0))
+    places = emulator.process.places(none, np.hstack([basis.of_runs(X), omega])).points
+    # those that the process is conditioned on, if there are more
+    apart, run = cKDTree(emulator.runs.points).query(places)
+    used = np.flatnonzero(apart < _SAME)
+    X, omega, y, run = X[used], omega[used], y[used], run[used]
+    precision = np.sum(emulator.whiten**2, axis=0)
+    _, curves, missed = emulator.components.at(X[:, emulator.along])
+    error = np.sum(curves * (emulator.weights / precision[:, None])[run], axis=1)
+    scale = (emulator.local.at(emulator.runs.points) / np.sqrt(precision))[run]
+    sd = np.hypot(scale * np.sqrt(np.sum((curves * emulator.sd) ** 2, axis=1)), missed)
+    return LeftOut(used, y, emulator.output(X, omega) - error, sd)
+
+
+@dataclass(frozen=True)
+class LinearEmulator:
+    """Coefficients given the runs, and the size of what they leave.
+
+    Attributes
+    ----------
+    basis : Basis
+    mean : ndarray of shape (p,)
+    covariance : ndarray of shape (p, p)
+        Of the coefficients, in units of ``sd`` squared.
+    sd : float
+        Root mean square of what the polynomial misses in runs that are left out.
+    left_out : LeftOut
+    """
+
+    basis: Basis
+    mean: FloatArray
+    covariance: FloatArray
+    sd: float
+    left_out: LeftOut
+
+    def predict(self, X: FloatArray, omega: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return mean and standard deviation (n,) at rows of inputs and parameters.
+
+        A polynomial that misses the simulation does so between the runs as at them: what it misses
+        is part of the error.
+        """
+        features = self.basis.features(X, omega)
+        leverage = np.einsum("np,pq,nq->n", features, self.covariance, features)
+        known = self.basis.known(X, omega) + features @ self.mean
+        return known, self.sd * np.sqrt(1 + leverage)
+
+
+def fit_linear(basis: Basis, X: FloatArray, omega: FloatArray, y: FloatArray) -> LinearEmulator:
+    """Return the emulator of a linear basis without hyperparameters.
+
+    Parameters
+    ----------
+    basis : Basis
+    X, omega, y : ndarray of shape (n, n_inputs), (n, n_parameters), (n,)
+    """
+    features, target = basis.features(X, omega), y - basis.known(X, omega)
+    scale = float(np.std(y))
+    mean = emulator_posterior(basis, statistics_of_runs(basis, X, omega, y, scale)).mean
+    residual = target - features @ mean
+    prior = np.diag(basis.coefficient_sd**-2.0)
+    variance = max(float(np.mean(residual**2)), (1e-9 * scale) ** 2, 1e-300)
+    covariance = cho_solve(cho_factor(features.T @ features + variance * prior), np.eye(len(mean)))
+    # a row given all others: Sherman and Morrison's formula
+    leverage = np.einsum("np,pq,nq->n", features, covariance, features)
+    left = residual / np.maximum(1 - leverage, 1e-6)
+    # of so many terms, or of those that were chosen for these runs, residuals are too small: errors
+    # of runs that are left out have the size of others
+    sd = float(np.sqrt(np.mean(left**2 * np.maximum(1 - leverage, 1e-6))))
+    spread = sd / np.sqrt(np.maximum(1 - leverage, 1e-6))
+    return LinearEmulator(
+        basis, mean, covariance, sd, LeftOut(np.arange(len(y)), y, y - left, spread)
+    )
+
 
 # the rest of a variance when its factor has enough columns, in shares of the median
 _NEGLIGIBLE = 1e-4

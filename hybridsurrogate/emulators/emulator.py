@@ -11,17 +11,23 @@ from numpy.typing import ArrayLike
 from sklearn.base import BaseEstimator
 from sklearn.utils.validation import check_is_fitted
 
-from hybridsurrogate.arguments.description import described
-from hybridsurrogate.arguments.scalars import check_choice, check_flag
-from hybridsurrogate.emulators.conditioned import KrigedBasis, KrigedCurves, through_runs
-from hybridsurrogate.emulators.left_out import LeftOut, of_curves, of_process
-from hybridsurrogate.emulators.polynomial import LinearEmulator, fit_linear
+from hybridsurrogate.arguments import check_choice, check_flag, described
+from hybridsurrogate.emulators.conditioned import (
+    KrigedBasis,
+    KrigedCurves,
+    LeftOut,
+    LinearEmulator,
+    fit_linear,
+    of_curves,
+    of_process,
+    through_runs,
+)
 from hybridsurrogate.exceptions import ExtrapolationWarning
 from hybridsurrogate.simulation.simulation_data import SimulationData
 from hybridsurrogate.simulation.variables import as_matrix, check_finite
-from hybridsurrogate.surrogates.domain import Domain
+from hybridsurrogate.surrogates.basis import Domain
+from hybridsurrogate.surrogates.emulation.covariance import MOST_RUNS, process_through
 from hybridsurrogate.surrogates.emulation.curve_emulator import emulate_curves
-from hybridsurrogate.surrogates.emulation.process import MOST_RUNS, process_through
 from hybridsurrogate.surrogates.families.polynomial_chaos import PolynomialChaos
 from hybridsurrogate.types import FloatArray
 

@@ -12,7 +12,7 @@ from scipy import special
 from sklearn.base import clone
 from sklearn.utils.validation import check_is_fitted
 
-from hybridsurrogate.arguments.description import described
+from hybridsurrogate.arguments import described
 from hybridsurrogate.effects.base import Cause
 from hybridsurrogate.estimators.base import SurrogateEstimator
 from hybridsurrogate.estimators.power_scaled import PowerScaledSurrogate
@@ -20,7 +20,7 @@ from hybridsurrogate.exceptions import SamplingWarning
 from hybridsurrogate.inference.loo import PointwiseLoo
 from hybridsurrogate.likelihoods import as_likelihood
 from hybridsurrogate.model.posterior import Diagnostics, Posterior
-from hybridsurrogate.prediction.summary import MixturePart
+from hybridsurrogate.prediction.variables import MixturePart
 from hybridsurrogate.simulation.arrays import as_numbers
 from hybridsurrogate.simulation.simulator import SimulationData, Simulator
 from hybridsurrogate.types import FloatArray

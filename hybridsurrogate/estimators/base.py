@@ -1,4 +1,4 @@
-"""What the estimators share: predictions from a mixture of posteriors, and scores of them."""
+"""What the estimators share: predictions of a mixture of posteriors, scores, a notebook's view."""
 
 from __future__ import annotations
 
@@ -15,20 +15,25 @@ from sklearn.base import RegressorMixin
 from sklearn.utils import _safe_indexing, check_random_state
 from sklearn.utils.validation import check_consistent_length, check_is_fitted
 
-from hybridsurrogate.arguments.named import check_units
-from hybridsurrogate.arguments.scalars import check_flag, check_number
+from hybridsurrogate.arguments import check_flag, check_number, check_units
 from hybridsurrogate.arviz_groups import arviz_of
 from hybridsurrogate.estimators.checked_estimator import CheckedEstimator
-from hybridsurrogate.estimators.shown import fitted_html
 from hybridsurrogate.exceptions import did_you_mean
 from hybridsurrogate.inference.loo import PointwiseLoo
 from hybridsurrogate.model.posterior import Diagnostics, Posterior
-from hybridsurrogate.model.rows.measured_rows import check_weights, has_measurement
-from hybridsurrogate.model.rows.row_errors import new_errors, with_new_errors
-from hybridsurrogate.prediction.intervals import central_interval, inside_intervals
+from hybridsurrogate.model.rows.measured_data import (
+    check_weights,
+    has_measurement,
+    new_errors,
+    with_new_errors,
+)
+from hybridsurrogate.notebook import table
+from hybridsurrogate.numerics import digits
 from hybridsurrogate.prediction.leave_one_out import Loo, loo_of_rows
 from hybridsurrogate.prediction.mixture import (
+    central_interval,
     curves,
+    inside_intervals,
     log_density_of,
     moments,
     noise_free,
@@ -37,9 +42,67 @@ from hybridsurrogate.prediction.mixture import (
     samples,
     warn_of_carried,
 )
-from hybridsurrogate.prediction.summary import MixturePart, summary_of
+from hybridsurrogate.prediction.variables import MixturePart, summary_of
 from hybridsurrogate.simulation.arrays import as_numbers, as_table, check_size
 from hybridsurrogate.types import FloatArray
+
+
+def fitted_html(estimator: Any, draws: Sequence[tuple[str, Any, Posterior, Diagnostics]]) -> str:
+    """Return what was fitted, and the quality of the draws, as HTML; nothing is computed.
+
+    Parameters
+    ----------
+    estimator : estimator
+        Fitted.
+    draws : sequence of (name, weight, Posterior, Diagnostics)
+        A weight that differs between rows is None.
+
+    Returns
+    -------
+    str
+    """
+    rows = len(estimator.measured_[1])
+    posteriors = [posterior for _, _, posterior, _ in draws]
+    lines = [("Fitted to", f"{rows} rows")]
+    if estimator.simulation is not None:
+        lines.append(("Simulation", repr(estimator.simulation)))
+    beta = getattr(estimator, "beta_", getattr(estimator, "beta", None))
+    if beta is not None and not isinstance(beta, str):
+        lines.append(("Weight beta", "differs between rows" if callable(beta) else f"{beta:.3g}"))
+    # of several posteriors every name once
+    causes = dict.fromkeys(effect.name for one in posteriors for effect in one.model.effects)
+    if causes:
+        lines.append(("Causes", ", ".join(causes)))
+    unknowns = dict.fromkeys(name for one in posteriors for name in one.named())
+    lines.append(("Unknowns", ", ".join(unknowns)))
+    header = ("", "weight", "draws", "step 1", "step 2", "quality")
+    quality = [_quality(*one) for one in draws]
+    return (
+        table(lines, caption=type(estimator).__name__)
+        + table(quality, header, "Draws of the posterior")
+        + "<p>Estimates: <code>.summary()</code></p>"
+    )
+
+
+def _quality(name: str, weight: Any, posterior: Posterior, found: Diagnostics) -> tuple[str, ...]:
+    problems = found.problems()
+    return (
+        name,
+        "differs between rows" if weight is None else digits.percent(weight),
+        str(posterior.n_draws),
+        _step(found.sampler, found.effective_draws, found.khat),
+        _step(found.second_step, found.second_effective_draws, found.second_khat),
+        f"doubtful: {'; '.join(problems)}" if problems else "good",
+    )
+
+
+def _step(sampler: str, effective: float, khat: float) -> str:
+    words = [sampler]
+    if np.isfinite(effective):
+        words.append(f"{effective:.0f} effective")
+    if np.isfinite(khat):
+        words.append(f"k-hat {khat:.2f}")
+    return ", ".join(words)
 
 
 class SurrogateEstimator(RegressorMixin, CheckedEstimator):

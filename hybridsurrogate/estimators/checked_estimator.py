@@ -15,35 +15,32 @@ from sklearn.base import BaseEstimator
 from sklearn.utils import check_scalar
 from sklearn.utils.validation import check_consistent_length, check_is_fitted, validate_data
 
-from hybridsurrogate.arguments.functions import state_to_pickle
+from hybridsurrogate.arguments import state_to_pickle
 from hybridsurrogate.effects.noise.known_errors import KINDS
 from hybridsurrogate.exceptions import did_you_mean
-from hybridsurrogate.inference.sampling.emcee_sampler import EnsembleSampler
+from hybridsurrogate.inference.sampling.ensembles import EnsembleSampler
 from hybridsurrogate.likelihoods import Censored, Likelihood, as_likelihood
 from hybridsurrogate.model.rows.columns import (
+    check_column,
+    check_experiments,
     check_reach,
     column_names,
+    experiments_of,
     matched_columns,
     warn_elsewhere,
     warn_outside,
 )
-from hybridsurrogate.model.rows.experiments import (
-    check_column,
-    check_experiments,
-    experiments_of,
-)
-from hybridsurrogate.model.rows.measured_data import MeasuredData, SingleRows
-from hybridsurrogate.model.rows.measured_rows import (
+from hybridsurrogate.model.rows.measured_data import (
+    MeasuredData,
+    SingleRows,
+    check_errors,
     check_outcomes,
     check_weights,
-    without_gaps,
-)
-from hybridsurrogate.model.rows.row_errors import (
-    check_errors,
     name_of,
     new_errors,
     row_errors,
     taken_out,
+    without_gaps,
 )
 from hybridsurrogate.model.rows.stacking import Stacking, as_several, stacking_of
 from hybridsurrogate.priors import check_prior
@@ -57,8 +54,8 @@ from hybridsurrogate.simulation.arrays import (
 )
 from hybridsurrogate.simulation.outputs import OUTPUT
 from hybridsurrogate.simulation.simulator import SimulationData, Simulator
-from hybridsurrogate.surrogates.base import Surrogate
-from hybridsurrogate.surrogates.families.exact import ExactSurrogate
+from hybridsurrogate.surrogates.basis import Surrogate
+from hybridsurrogate.surrogates.families.parametric import ExactSurrogate
 from hybridsurrogate.surrogates.families.polynomial_chaos import PolynomialChaos
 from hybridsurrogate.types import FloatArray
 

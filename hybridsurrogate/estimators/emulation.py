@@ -29,8 +29,8 @@ from hybridsurrogate.model.rows.columns import check_reach, warn_elsewhere
 from hybridsurrogate.model.rows.measured_data import MeasuredData
 from hybridsurrogate.numerics.digits import number
 from hybridsurrogate.simulation.design import draw_design
-from hybridsurrogate.simulation.files.table_file import RUN
 from hybridsurrogate.simulation.simulator import SimulationData, Simulator
+from hybridsurrogate.simulation.table_file import RUN
 from hybridsurrogate.surrogates.families.kriging import Kriging
 from hybridsurrogate.types import FloatArray
 

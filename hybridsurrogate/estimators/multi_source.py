@@ -11,19 +11,23 @@ import numpy as np
 from numpy.typing import ArrayLike
 from sklearn.utils.validation import check_array, check_consistent_length, check_X_y
 
-from hybridsurrogate.arguments.description import described
+from hybridsurrogate.arguments import described
 from hybridsurrogate.effects.base import Cause
 from hybridsurrogate.estimators.power_scaled import PowerScaledSurrogate
 from hybridsurrogate.exceptions import did_you_mean
-from hybridsurrogate.inference.sampling.emcee_sampler import EnsembleSampler
+from hybridsurrogate.inference.sampling.ensembles import EnsembleSampler
 from hybridsurrogate.likelihoods import Likelihood, as_likelihood
 from hybridsurrogate.model.rows.columns import (
     column_names,
     matched_columns,
 )
-from hybridsurrogate.model.rows.measured_data import MeasuredData, SingleRows
-from hybridsurrogate.model.rows.measured_rows import without_gaps
-from hybridsurrogate.model.rows.row_errors import check_errors, taken_out
+from hybridsurrogate.model.rows.measured_data import (
+    MeasuredData,
+    SingleRows,
+    check_errors,
+    taken_out,
+    without_gaps,
+)
 from hybridsurrogate.model.rows.stacking import as_several
 from hybridsurrogate.simulation.arrays import (
     as_numbers,
@@ -33,7 +37,7 @@ from hybridsurrogate.simulation.arrays import (
 )
 from hybridsurrogate.simulation.simulator import SimulationData, Simulator
 from hybridsurrogate.simulation.variables import priors_of
-from hybridsurrogate.surrogates.base import Surrogate
+from hybridsurrogate.surrogates.basis import Surrogate
 from hybridsurrogate.types import FloatArray, Prior
 
 # priors are distinguished by their quantiles at these shares

@@ -13,15 +13,15 @@ from hybridsurrogate.estimators.base import SurrogateEstimator
 from hybridsurrogate.estimators.emulation import emulated, take
 from hybridsurrogate.inference.loo import PointwiseLoo, stacking_weight
 from hybridsurrogate.inference.procedure import Fit, fit_problem
-from hybridsurrogate.inference.sampling.emcee_sampler import EnsembleSampler
+from hybridsurrogate.inference.sampling.ensembles import EnsembleSampler
 from hybridsurrogate.likelihoods import Likelihood
 from hybridsurrogate.model.posterior import Diagnostics, Posterior
 from hybridsurrogate.model.problem import plain_problem
 from hybridsurrogate.model.rows.measured_data import MeasuredData
 from hybridsurrogate.prediction.leave_one_out import loo_of_fit
-from hybridsurrogate.prediction.summary import MixturePart
+from hybridsurrogate.prediction.variables import MixturePart
 from hybridsurrogate.simulation.simulator import SimulationData, Simulator
-from hybridsurrogate.surrogates.base import Surrogate
+from hybridsurrogate.surrogates.basis import Surrogate
 from hybridsurrogate.types import FloatArray, Prior
 
 

@@ -7,21 +7,25 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy import special
 
-from hybridsurrogate.inference.sampling.adaptive_importance import (
-    ImportanceDraws,
-    Proposals,
-    importance_draws,
-)
-from hybridsurrogate.inference.sampling.axis_proposals import with_lines
-from hybridsurrogate.inference.sampling.emcee_sampler import (
+from hybridsurrogate.inference.sampling.axis_proposals import elongation, ridge_through, with_lines
+from hybridsurrogate.inference.sampling.ensembles import (
     EnsembleDraws,
     EnsembleSampler,
 )
 from hybridsurrogate.inference.sampling.hierarchical import HierarchicalTarget, standardised
-from hybridsurrogate.inference.sampling.initial_points import further_points, starting_points
-from hybridsurrogate.inference.sampling.modes import Gaussian, distinct, find_modes
-from hybridsurrogate.inference.sampling.proposals import moment_match
-from hybridsurrogate.inference.sampling.ridges import elongation, ridge_through
+from hybridsurrogate.inference.sampling.importance import (
+    ImportanceDraws,
+    Proposals,
+    importance_draws,
+    moment_match,
+)
+from hybridsurrogate.inference.sampling.modes import (
+    Gaussian,
+    distinct,
+    find_modes,
+    further_points,
+    starting_points,
+)
 from hybridsurrogate.inference.sampling.settings import SETTINGS
 from hybridsurrogate.inference.sampling.target import Target
 from hybridsurrogate.model.posterior import Diagnostics

@@ -2,29 +2,175 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
-from hybridsurrogate.inference.conditional.mcmc import conditional_draws
 from hybridsurrogate.inference.conditional.pairwise_squares import MeasuredGiven
-from hybridsurrogate.inference.conditional.sampler import MeasuredDraws, moved_step, second_step
+from hybridsurrogate.inference.conditional.sampler import (
+    MeasuredDraws,
+    conditional_draws,
+    moved_step,
+    second_step,
+)
 from hybridsurrogate.inference.conjugate.collapsed import CollapsedPosterior
-from hybridsurrogate.inference.laplace.target import LaplacePosterior
-from hybridsurrogate.inference.posterior_sampler import FirstStep, first_step
-from hybridsurrogate.inference.sampling.adaptive_importance import Proposals
-from hybridsurrogate.inference.sampling.differential_evolution import (
+from hybridsurrogate.inference.laplace import LaplacePosterior
+from hybridsurrogate.inference.posterior_sampler import FirstStep, first_step, of_importance
+from hybridsurrogate.inference.sampling.ensembles import (
     FROM_NEAR,
     Effort,
+    EnsembleSampler,
 )
-from hybridsurrogate.inference.sampling.emcee_sampler import EnsembleSampler
+from hybridsurrogate.inference.sampling.importance import Proposals, matched_draws
 from hybridsurrogate.inference.sampling.modes import NothingPossibleError
 from hybridsurrogate.inference.sampling.target import Target
-from hybridsurrogate.model.posterior import Diagnostics, Posterior
+from hybridsurrogate.model.posterior import MIN_EFFECTIVE, Diagnostics, Posterior
 from hybridsurrogate.model.problem import Problem
-from hybridsurrogate.numerics.threads import one_blas_thread
-from hybridsurrogate.surrogates.families.exact import ExactBasis
-from hybridsurrogate.types import FloatArray
+from hybridsurrogate.numerics.linear_algebra import one_blas_thread
+from hybridsurrogate.numerics.psis import KHAT_LIMIT
+from hybridsurrogate.surrogates.families.parametric import ExactBasis
+from hybridsurrogate.types import FloatArray, Prior
+
+# the outermost share of a prior that holds so much of a posterior
+_OUTERMOST, _HELD = 0.02, 0.9
+# mean distance from the end over standard deviation: 1 of a density that falls off exponentially
+# from there, 1.32 of half a normal one, 1.73 of a uniform one
+_PILED_UP = 1.5
+
+
+class AtPriorEnd(NamedTuple):
+    """A parameter at the end of its prior.
+
+    Attributes
+    ----------
+    name : str
+    side : {"low", "high"}
+    mean : float
+        Of the posterior.
+    end : float
+        The value beyond which the prior has 2 % of its mass.
+    """
+
+    name: str
+    side: str
+    mean: float
+    end: float
+
+
+def at_prior_ends(posterior: Posterior) -> list[AtPriorEnd]:
+    """Return the parameters whose prior keeps the posterior from going further.
+
+    The posterior is piled up at an end of the prior's support or, of a prior without ends, 90 % of
+    it lie in the outermost 2 % of the prior.
+
+    Parameters
+    ----------
+    posterior : Posterior
+    """
+    model = posterior.model
+    return _at_ends(zip(model.parameters.items(), posterior.values.T, strict=False))
+
+
+def effects_at_prior_ends(posterior: Posterior, n: int) -> list[AtPriorEnd]:
+    """Return what of the first n effects the data push against an end of its prior.
+
+    Parameters
+    ----------
+    posterior : Posterior
+    n : int
+    """
+    model, found = posterior.model, []
+    for position, (owner, name) in enumerate(model.theta_names, start=model.n_parameters):
+        if owner < n:
+            word = f"{name} of {model.effects[owner].name}"
+            found.append(((word, model.priors[position]), posterior.values[:, position]))
+    return _at_ends(found)
+
+
+def _at_ends(found: Iterable[tuple[tuple[str, Prior], FloatArray]]) -> list[AtPriorEnd]:
+    out = []
+    for (name, prior), draws in found:
+        for side in ("low", "high"):
+            if _pushed(prior, draws, side):
+                end = float(prior.ppf(_OUTERMOST if side == "low" else 1 - _OUTERMOST))
+                out.append(AtPriorEnd(name, side, float(np.mean(draws)), end))
+                break
+    return out
+
+
+def _pushed(prior: Prior, draws: FloatArray, side: str) -> bool:
+    below = prior.cdf(draws)
+    share = below if side == "low" else 1 - below
+    if np.mean(share < _OUTERMOST) > _HELD:
+        return True
+    end = prior.support()[side == "high"]
+    sd = float(np.std(draws))
+    usual = float(np.diff(prior.ppf([0.16, 0.84]))[0]) / 2
+    return bool(abs(float(np.mean(draws)) - end) < _PILED_UP * sd < _PILED_UP * usual / 2)
+
+
+def carried_step(
+    problem: Problem,
+    powers: tuple[float, float | FloatArray],
+    proposals: Proposals | None,
+    n_draws: int,
+    n_proposals: int,
+    random_state: np.random.RandomState,
+) -> FirstStep | None:
+    """Return step 1 of a problem from proposals made for another, None where they do not serve.
+
+    They do not where, after moment matching, their k-hat exceeds 0.7 or so few effective draws
+    are left that they are doubtful.
+
+    Parameters
+    ----------
+    powers : (alpha_S, alpha_R)
+    proposals : Proposals or None
+        For the same unknowns, at other powers or for other rows; None of an ensemble.
+    n_proposals : int
+        At most so many of them are used.
+    """
+    if proposals is None or len(proposals.points) < MIN_EFFECTIVE:
+        return None
+    powers = powers_used(problem, powers)
+    target = make_target(problem, *powers)
+    sampled = matched_draws(
+        target.extended_log_density,
+        thinned(proposals, n_proposals),
+        n_draws,
+        random_state,
+        n_noise=target.n_noise,
+    )
+    if not (sampled.khat <= KHAT_LIMIT and sampled.effective_draws >= MIN_EFFECTIVE):
+        return None
+    drawn = target.resolved(sampled.draws, random_state)
+    return FirstStep(*drawn, of_importance(target, sampled, 1), sampled.proposals)
+
+
+def carried(
+    problem: Problem,
+    powers: tuple[float, float | FloatArray],
+    proposals: Proposals | None,
+    n_draws: int,
+    n_proposals: int,
+    random_state: np.random.RandomState,
+) -> Fit | None:
+    """Return the fit of a problem whose step 1 is `carried_step`, None where that is."""
+    with one_blas_thread():
+        step = carried_step(problem, powers, proposals, n_draws, n_proposals, random_state)
+        if step is None:
+            return None
+        return finish(problem, powers_used(problem, powers), step, random_state)
+
+
+def thinned(proposals: Proposals, n: int) -> Proposals:
+    """Return at most n proposals, spread evenly over all."""
+    if len(proposals.points) <= n:
+        return proposals
+    index = np.linspace(0, len(proposals.points) - 1, n).astype(int)
+    return Proposals(proposals.points[index], proposals.log_density[index])
 
 
 @dataclass(frozen=True)

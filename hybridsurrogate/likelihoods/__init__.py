@@ -1,13 +1,13 @@
-"""Likelihoods: one file a family, which registers its names."""
+"""Likelihoods: each family registers its names."""
 
 from typing import TYPE_CHECKING
 
 from hybridsurrogate.exceptions import did_you_mean
 from hybridsurrogate.likelihoods.base import LIKELIHOODS, Likelihood
 from hybridsurrogate.likelihoods.censored import Censored
-from hybridsurrogate.likelihoods.contaminated import Contaminated
 from hybridsurrogate.likelihoods.custom import CustomLikelihood
 from hybridsurrogate.likelihoods.normal import TransformedNormal
+from hybridsurrogate.likelihoods.student_t import Contaminated
 from hybridsurrogate.registration import import_all
 
 if TYPE_CHECKING:  # for type checkers and editors, which do not run `import_all`

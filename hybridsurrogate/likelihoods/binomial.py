@@ -7,10 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import special, stats
 
-from hybridsurrogate.arguments.scalars import as_real
-from hybridsurrogate.likelihoods.base import Likelihood, register
-from hybridsurrogate.likelihoods.given_scale import GivenScale
-from hybridsurrogate.likelihoods.smoothing import positive
+from hybridsurrogate.arguments import as_real
+from hybridsurrogate.likelihoods.base import Likelihood, positive, register
+from hybridsurrogate.likelihoods.student_t import GivenScale
 from hybridsurrogate.types import FloatArray, Prior
 
 # log odds beyond which a success is certain to all digits, and a shape of the beta distribution

@@ -8,10 +8,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy import special
 
-from hybridsurrogate.arguments.scalars import as_real
+from hybridsurrogate.arguments import as_real
 from hybridsurrogate.exceptions import did_you_mean
 from hybridsurrogate.likelihoods.base import LIKELIHOODS, Likelihood
-from hybridsurrogate.likelihoods.given_scale import OfPlain
+from hybridsurrogate.likelihoods.student_t import OfPlain
 from hybridsurrogate.types import FloatArray, Prior
 
 _ROOT = float(np.sqrt(2 * np.pi))

@@ -8,7 +8,7 @@ import numpy as np
 from scipy import special, stats
 
 from hybridsurrogate.likelihoods.base import Likelihood, register
-from hybridsurrogate.likelihoods.given_scale import GivenScale
+from hybridsurrogate.likelihoods.student_t import GivenScale
 from hybridsurrogate.types import FloatArray, Prior
 
 # beyond this eta a mean has no use and its square no number

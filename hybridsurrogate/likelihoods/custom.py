@@ -8,8 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from hybridsurrogate.arguments.functions import check_callable, state_to_pickle
-from hybridsurrogate.arguments.scalars import check_flag
+from hybridsurrogate.arguments import check_callable, check_flag, state_to_pickle
 from hybridsurrogate.likelihoods.base import Likelihood
 from hybridsurrogate.types import FloatArray
 

@@ -1,16 +1,51 @@
-"""Heavy tails: single measurements may be far off without moving the rest."""
+"""Heavy tails: single measurements may be far off without moving the rest, or be outliers."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from abc import abstractmethod
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy import special
 
-from hybridsurrogate.arguments.scalars import as_real
-from hybridsurrogate.likelihoods.base import register
-from hybridsurrogate.likelihoods.heavy_tailed import HeavyTailed
-from hybridsurrogate.types import FloatArray
+from hybridsurrogate.arguments import as_real
+from hybridsurrogate.likelihoods.base import Likelihood, positive, register, smoothed_moments
+from hybridsurrogate.likelihoods.normal import TransformedNormal
+from hybridsurrogate.types import FloatArray, Prior
+
+
+class HeavyTailed(Likelihood):
+    """Noise that is normal but for a factor on its variance that differs from row to row."""
+
+    scales_noise = True
+    # several outliers make single curvatures negative: averages over what is open of eta are not
+    rough = True
+
+    @abstractmethod
+    def precision(self, residual: FloatArray, sigma: FloatArray) -> FloatArray:
+        """Return the expected precision of each row, given its residual on the scale of eta."""
+
+    def smoothed(
+        self, y: FloatArray, eta: FloatArray, sigma: FloatArray, width: FloatArray | None = None
+    ) -> FloatArray:
+        """Return the log density averaged over eta ~ N(eta, width^2)."""
+        if width is None:
+            return self.log_density(y, eta, sigma)
+        return smoothed_moments(self.log_density, y, eta, sigma, width)[0]
+
+    def derivatives(
+        self, y: FloatArray, eta: FloatArray, sigma: FloatArray, width: FloatArray | None = None
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return slope and curvature; without a width the row's expected precision.
+
+        With that curvature a Newton step is one of the EM algorithm and always climbs.
+        """
+        if width is not None:
+            _, gradient, curvature = smoothed_moments(self.log_density, y, eta, sigma, width)
+            return gradient, positive(curvature, gradient)
+        residual = np.asarray(self.working(y) - eta)
+        weight = self.precision(residual, sigma)
+        return weight * residual, weight
 
 
 @dataclass(frozen=True)
@@ -91,3 +126,235 @@ class StudentT(HeavyTailed):
 
 
 register("student-t", StudentT())
+
+
+class OfPlain(Likelihood):
+    """A likelihood around a plain one, on the same scale of eta.
+
+    Attributes
+    ----------
+    plain : Likelihood
+    """
+
+    plain: Likelihood
+
+    @property
+    def name(self) -> str:  # type: ignore[override]
+        """That of the plain likelihood."""
+        return self.plain.name
+
+    @property
+    def log_scale(self) -> bool:  # type: ignore[override]
+        """As the plain likelihood."""
+        return self.plain.log_scale
+
+    @property
+    def rough(self) -> bool:  # type: ignore[override]
+        """As the plain likelihood."""
+        return self.plain.rough
+
+    def check(self, y: FloatArray, source: str = "measured") -> None:
+        """Accept what the plain likelihood accepts."""
+        self.plain.check(y, source)
+
+    def working(self, y: FloatArray) -> FloatArray:
+        """Return y on the scale of eta."""
+        return self.plain.working(y)
+
+    def rounding(self, eta: FloatArray) -> FloatArray:
+        """Return the standard deviation of eta where means are rounded."""
+        return self.plain.rounding(eta)
+
+    def link(self, output: FloatArray) -> FloatArray:
+        """Return the eta of an output."""
+        return self.plain.link(output)
+
+    def inverse(self, eta: FloatArray) -> FloatArray:
+        """Return the output of eta."""
+        return self.plain.inverse(eta)
+
+
+@dataclass(frozen=True)
+class GivenScale(OfPlain):
+    """A likelihood whose second parameter a cause sets, so that ``sigma`` has no meaning.
+
+    Attributes
+    ----------
+    plain : Likelihood
+    scale : ndarray of shape (J, 1)
+        Its second parameter for each draw.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hybridsurrogate.likelihoods import NegativeBinomial
+    >>> wide = GivenScale(NegativeBinomial(), np.array([[0.0], [5.0**-0.5]]))
+    >>> wide.variance(np.log([[20.0]]), None).round().tolist()
+    [[20.0], [100.0]]
+    """
+
+    plain: Likelihood
+    scale: FloatArray
+    has_scale = False
+
+    def take(self, index: FloatArray) -> Likelihood:
+        """Return the likelihood of some of the draws."""
+        return replace(self, scale=self.scale[index])
+
+    def log_density(self, y: FloatArray, eta: FloatArray, sigma: FloatArray) -> FloatArray:
+        """Return the log density of each y."""
+        return self.plain.log_density(y, eta, self.scale)
+
+    def mean(self, eta: FloatArray, sigma: FloatArray) -> FloatArray:
+        """Return the mean of y."""
+        return self.plain.mean(eta, self.scale)
+
+    def variance(self, eta: FloatArray, sigma: FloatArray) -> FloatArray:
+        """Return the variance of y."""
+        return self.plain.variance(eta, self.scale)
+
+    def sample(
+        self, eta: FloatArray, sigma: FloatArray, random_state: np.random.RandomState
+    ) -> FloatArray:
+        """Draw y once for each eta."""
+        return self.plain.sample(eta, self.scale, random_state)
+
+    def information(self, eta: FloatArray, sigma: FloatArray) -> FloatArray:
+        """Return the Fisher information of each row about its eta."""
+        return self.plain.information(eta, self.scale)
+
+    def derivatives(
+        self, y: FloatArray, eta: FloatArray, sigma: FloatArray, width: FloatArray | None = None
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return slope and curvature of the log density in eta."""
+        return self.plain.derivatives(y, eta, self.scale, width)
+
+
+# standard deviations of outliers in those of the rest, log-uniform between
+SMALLEST, LARGEST = 3.0, 30.0
+_LOG_RANGE = float(np.log(LARGEST / SMALLEST))
+_ROOT = np.sqrt(2 * np.pi)
+# mean square of the scale of an outlier
+OUTLIER_VARIANCE = (LARGEST**2 - SMALLEST**2) / (2 * _LOG_RANGE)
+# nearer to the middle the density is flat, and its formula 0 / 0
+_FLAT = 1e-2
+# so far off only the logarithm of the density is a number
+_BEYOND = 900.0
+
+
+def log_shape(z: FloatArray, share: FloatArray | float) -> FloatArray:
+    """Return the log density of a standardised residual, with so many outliers.
+
+    ``(1 - share) phi(z) + share (Phi(z / 3) - Phi(z / 30)) / (z log 10)``, the second part being
+    the integral of normal densities over the logarithm of their scale.
+    """
+    size = np.maximum(np.abs(z), _FLAT)
+    near = (1 - share) * np.exp(-0.5 * size**2) / _ROOT
+    far = special.ndtr(-size / LARGEST) - special.ndtr(-size / SMALLEST)
+    with np.errstate(divide="ignore"):
+        out = np.log(near + share * far / (size * _LOG_RANGE))
+    beyond = size > _BEYOND
+    if beyond.any():
+        with np.errstate(divide="ignore"):
+            far = special.log_ndtr(-size / LARGEST) + np.log(share / (size * _LOG_RANGE))
+        out = np.where(beyond, far, out)
+    return out
+
+
+def precision_at(z: FloatArray, share: FloatArray | float) -> FloatArray:
+    """Return the mean precision of a measurement given its standardised residual.
+
+    One for those that surely are no outliers; the weights of the EM algorithm, and the slope of
+    minus `log_shape` over z.
+    """
+    size = np.maximum(np.abs(z), _FLAT)
+    near = (1 - share) * np.exp(-0.5 * size**2) / _ROOT
+    inner, outer = size / SMALLEST, size / LARGEST
+    far = (special.ndtr(-outer) - special.ndtr(-inner)) / size
+    drop = np.exp(-0.5 * inner**2) / SMALLEST - np.exp(-0.5 * outer**2) / LARGEST
+    steep = (far - drop / _ROOT) / size**2
+    factor = share / _LOG_RANGE
+    with np.errstate(invalid="ignore", divide="ignore"):
+        out = (near + factor * steep) / (near + factor * far)
+    return np.where(np.isfinite(out), np.clip(out, LARGEST**-2.0, 1.0), LARGEST**-2.0)
+
+
+@dataclass(frozen=True)
+class Contaminated(HeavyTailed):
+    """A normal (or log-normal) likelihood of which a share of rows are outliers.
+
+    Attributes
+    ----------
+    plain : TransformedNormal
+        Of rows that are none; ``sigma`` is theirs.
+    share : ndarray of shape (J, 1)
+        For each draw.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hybridsurrogate.likelihoods import Normal
+    >>> some = Contaminated(Normal(), np.array([[0.1]]))
+    >>> some.log_density(np.array([8.0]), np.zeros((1, 1)), np.ones((1, 1))).round(2).tolist()
+    [[-6.16]]
+    """
+
+    plain: TransformedNormal
+    share: FloatArray
+    name = "normal with outliers"
+
+    @property
+    def log_scale(self) -> bool:  # type: ignore[override]
+        """Whether eta is the logarithm of the output."""
+        return self.plain.log_scale
+
+    def take(self, index: FloatArray) -> Likelihood:
+        """Return the likelihood of some of the draws."""
+        return replace(self, share=self.share[index])
+
+    def check(self, y: FloatArray, source: str = "measured") -> None:
+        """Accept what the plain likelihood accepts."""
+        self.plain.check(y, source)
+
+    def working(self, y: FloatArray) -> FloatArray:
+        """Return y on the scale of eta."""
+        return self.plain.working(y)
+
+    def link(self, output: FloatArray) -> FloatArray:
+        """Return the eta of an output."""
+        return self.plain.link(output)
+
+    def inverse(self, eta: FloatArray) -> FloatArray:
+        """Return the output of eta."""
+        return self.plain.inverse(eta)
+
+    def log_density(self, y: FloatArray, eta: FloatArray, sigma: FloatArray) -> FloatArray:
+        """Return the log density of each y."""
+        z = (self.plain.link(y) - eta) / sigma
+        return log_shape(z, self.share) - np.log(sigma) + self.plain.log_jacobian(y)
+
+    def mean(self, eta: FloatArray, sigma: FloatArray) -> FloatArray:
+        """Return the mean of a measurement that is no outlier: on the scale of y that of all."""
+        return self.plain.mean(eta, sigma)
+
+    def variance(self, eta: FloatArray, sigma: FloatArray) -> FloatArray:
+        """Return the variance, outliers included."""
+        factor = 1 + self.share * (OUTLIER_VARIANCE - 1)
+        return self.plain.variance(eta, sigma * np.sqrt(factor))
+
+    def sample(
+        self, eta: FloatArray, sigma: FloatArray, random_state: np.random.RandomState
+    ) -> FloatArray:
+        """Draw y once for each eta."""
+        shape = np.shape(eta)
+        scale = SMALLEST * np.exp(_LOG_RANGE * random_state.uniform(size=shape))
+        scale = np.where(random_state.uniform(size=shape) < self.share, scale, 1.0)
+        return self.plain.sample(eta, sigma * scale, random_state)
+
+    def noise_prior(self, scale: float) -> Prior:
+        """Return that of the plain likelihood."""
+        return self.plain.noise_prior(scale)
+
+    def precision(self, residual: FloatArray, sigma: FloatArray) -> FloatArray:
+        """Return the expected precision of each row, given its residual on the scale of eta."""
+        return precision_at(residual / sigma, self.share) / np.square(sigma)

@@ -1,21 +1,233 @@
-"""What causes may use of the simulation and the measured rows, gathered before they are fitted."""
+"""What causes may use of the simulation and the measured rows, gathered before they are fitted.
+
+An output jumps where parameters hardly change if it is rounded, random, read from a table, or from
+a solver with a loose tolerance. A difference over a short step is then a jump divided by next to
+nothing, or zero between two jumps.
+
+Two unknowns that change no row in common, such as deviations of two experiments, have their slopes
+from one run: each row shows the slope of the unknown it depends on (Curtis, Powell and Reid 1974).
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import NamedTuple
+from itertools import pairwise
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
+from hybridsurrogate.effects.base import SIMULATED, SLOPE, Cause, Rows
 from hybridsurrogate.effects.context import Context, OfOutput
 from hybridsurrogate.likelihoods import Binomial, Likelihood
+from hybridsurrogate.model.effects import CausesOnRows
 from hybridsurrogate.model.observation import MeasuredModel
-from hybridsurrogate.model.rows.experiments import Experiments
+from hybridsurrogate.model.rows.columns import Experiments
 from hybridsurrogate.model.rows.stacking import Stacking
+from hybridsurrogate.priors import check_prior
 from hybridsurrogate.simulation.simulator import SimulationData, Simulator
 from hybridsurrogate.surrogates.basis import Basis
 from hybridsurrogate.types import FloatArray
+
+# steps in standard deviations of the priors, and places at which slopes over two are compared
+_STEPS = (1e-3, 1e-2, 1e-1)
+LONGEST_STEP = _STEPS[-1]
+_PLACES = 20
+# slopes that differ by this share of their size, root mean square over rows and then averaged over
+# places, disagree: smooth ones by some 1e-4, those of an output with a kink by 0.02, of one that
+# jumps by 0.7 or more
+_DISAGREE = 0.2
+# share of rows: jumps of fewer are not those of the output
+_FEW_ROWS = 0.1
+# of a simulation that runs away more is not to be squared
+_ABSURD = 1e100
+
+
+def least_step(model: MeasuredModel, X: FloatArray) -> float:
+    """Return the shortest step over which slopes agree with those over one ten times as long.
+
+    In standard deviations of the priors, for a model without causes; zero for a smooth simulation,
+    of which any step will do: slopes over a thousandth agree with those over a hundredth or, where
+    it oscillates fast, over a ten-thousandth. A tenth where none agree.
+    """
+    if not model.basis.is_simulation or not model.n_parameters:
+        return 0.0
+    shortest, *slopes = [_slopes(model, X, step) for step in (_STEPS[0] / 10, *_STEPS)]
+    # what hardly ever changes over so short a step may be about to jump
+    changes = np.any(shortest != 0, axis=2).mean(axis=0) > 0.5
+    is_smooth = changes & (_disagreement(shortest, slopes[0]) <= _DISAGREE)
+    # a parameter that is the place of a jump moves a row or two, however long the step
+    is_smooth |= np.mean(slopes[-1] != 0, axis=(0, 2)) < _FEW_ROWS
+    for step, (shorter, longer) in zip(_STEPS, pairwise(slopes), strict=False):
+        if np.all(is_smooth | (_disagreement(shorter, longer) <= _DISAGREE)):
+            return 0.0 if step == _STEPS[0] else step
+    return LONGEST_STEP
+
+
+def _disagreement(a: FloatArray, b: FloatArray) -> FloatArray:
+    """Return by which share of their size slopes (places, d, n) differ, (d,)."""
+    size = np.maximum(np.linalg.norm(a, axis=2), np.linalg.norm(b, axis=2))
+    there = size > 0
+    # a place says no more than another one, however large its slopes, and nothing without any
+    share = np.linalg.norm(a - b, axis=2) / np.where(there, size, 1.0)
+    averaged: FloatArray = share.sum(axis=0) / np.maximum(there.sum(axis=0), 1)
+    return averaged
+
+
+def _slopes(model: MeasuredModel, X: FloatArray, step: float) -> FloatArray:
+    """Return slopes (places, d, n) at places of the priors, zero where the simulation fails."""
+    # a fixed spread, as the search is deterministic
+    z = np.random.RandomState(0).standard_normal((_PLACES, model.n_parameters))
+    ahead, behind = np.swapaxes(around(model, X, z, step), 0, 1)
+    with np.errstate(invalid="ignore", over="ignore"):
+        slopes: FloatArray = (ahead - behind) / (2 * step)
+    slopes[~(np.abs(slopes) < _ABSURD)] = 0.0
+    return slopes
+
+
+def around(model: MeasuredModel, X: FloatArray, z: FloatArray, step: float) -> FloatArray:
+    """Return outputs (places, 2, d, n) a step ahead of and behind z (places, d)."""
+    d = z.shape[1]
+    points = z[:, None] + step * np.vstack([np.eye(d), -np.eye(d)])
+    return output(model, X, points.reshape(-1, d)).reshape(len(z), 2, d, len(X))
+
+
+def output(model: MeasuredModel, X: FloatArray, z: FloatArray) -> FloatArray:
+    """Return the simulation's output (J, n) at z (J, d)."""
+    return model.simulated(X, model.values(z), model.basis.coefficient_mean)[0]
+
+
+class Moves(NamedTuple):
+    """Directions (d,) shared by moves.
+
+    Attributes
+    ----------
+    steps : ndarray of shape (m, n_unknowns)
+        One where a move goes along an unknown, zero elsewhere.
+    group : ndarray of shape (d,)
+        The move of each direction.
+    touched : ndarray of shape (d, n) or None
+        Rows that a direction may change; None: each direction has a separate move.
+    """
+
+    steps: FloatArray
+    group: NDArray[np.intp]
+    touched: NDArray[np.bool_] | None
+
+    def of_directions(self, slopes: FloatArray) -> FloatArray:
+        """Return slopes (..., d, n) of directions, given those (..., m, n) of moves."""
+        if self.touched is None:
+            return slopes
+        return np.where(self.touched, slopes[..., self.group, :], 0.0)
+
+
+def disjoint_moves(model: CausesOnRows, X: FloatArray, directions: NDArray[np.intp]) -> Moves:
+    """Return as few moves as directions that have rows in common need.
+
+    Parameters
+    ----------
+    model : CausesOnRows
+    X : ndarray of shape (n, n_columns)
+    directions : ndarray of shape (d,)
+        Positions among the unknowns.
+    """
+    rows = model.rows_moved(X)
+    each = single_moves(model.n_unknowns, directions)
+    if rows is None:
+        return each
+    touched = rows[directions]
+    taken: list[NDArray[np.bool_]] = []
+    group = np.empty(len(directions), dtype=np.intp)
+    for k, own in enumerate(touched):
+        free = (j for j, before in enumerate(taken) if not (before & own).any())
+        group[k] = next(free, len(taken))
+        if group[k] == len(taken):
+            taken.append(own)
+        else:
+            taken[group[k]] = taken[group[k]] | own
+    steps = np.zeros((len(taken), model.n_unknowns))
+    np.add.at(steps, group, each.steps)
+    return Moves(steps, group, touched)
+
+
+def single_moves(n_unknowns: int, directions: NDArray[np.intp]) -> Moves:
+    """Return one move for each direction (d,)."""
+    return Moves(np.eye(n_unknowns)[directions], np.arange(len(directions)), None)
+
+
+# standard normal coordinates of a cause's numbers at which its methods are tried
+_PLACES_OF_CHECK = np.array([[0.0, 0.0], [-1.645, 1.645]])
+
+
+def check_effects(model: MeasuredModel, X: FloatArray) -> None:
+    """Raise ValueError, by name, for causes whose methods do not fit measured rows.
+
+    For two draws at once, with the numbers of a cause at the middle of their priors and at the 5
+    and 95 % quantiles: enough to see a wrong shape or NaN before it disappears in algebra.
+    """
+    for effect in model.effects:
+        for name, prior in effect.parameters.items():
+            check_prior(prior, f"{name} of the cause {effect.name}")
+    for places in _PLACES_OF_CHECK:
+        _check_at(model, X, places)
+
+
+def _check_at(model: MeasuredModel, X: FloatArray, places: FloatArray) -> None:
+    z = np.zeros((len(places), model.n_unknowns))
+    z[:, model.n_parameters : model.n_parameters + len(model.theta_names)] = places[:, None]
+    rows, omega, theta = model.rows(X, model.values(z))
+    n = len(z) * len(X)
+    heights = np.linspace(-1.0, 1.0, n) * model.default_sd
+    of_noise = {**rows, SIMULATED: heights, SLOPE: heights}
+    for effect, own in zip(model.effects, theta, strict=True):
+        moved = _called(effect, "inputs", rows, omega, own)
+        if not isinstance(moved, tuple) or len(moved) != 2:
+            raise ValueError(
+                f"The cause {effect.name!r} must return two mappings from inputs: the columns X "
+                "and the parameters omega."
+            )
+        for name in (*model.columns[: model.n_inputs], *omega):
+            value = moved[name in omega].get(name)
+            _check_array(effect, f"inputs, {name!r}", value, [(n,)])
+        _check_array(effect, "gain", _called(effect, "gain", rows, own), [(), (n,)])
+        noise = _called(effect, "noise", of_noise, own)
+        _check_array(effect, "noise", noise, [(), (n,)])
+        if np.min(noise) <= 0:
+            raise ValueError(f"The cause {effect.name!r} returned a noise that is not positive.")
+        if effect.coefficients:
+            expected = [(n, len(effect.coefficients))]
+            _check_array(effect, "columns", _called(effect, "columns", rows, own), expected)
+
+
+def _called(effect: Cause, method: str, *arguments: Rows) -> Any:
+    """Return what a method of a cause returns; an error raised there gets the cause's name."""
+    try:
+        return getattr(effect, method)(*arguments)
+    except KeyError:
+        # it uses a column that is not there, which is reported elsewhere
+        raise
+    except Exception as error:
+        raise ValueError(
+            f"The cause {effect.name!r} failed in {method}: {type(error).__name__}: {error}."
+        ) from error
+
+
+def _check_array(
+    effect: Cause, method: str, value: object, shapes: Sequence[tuple[int, ...]]
+) -> None:
+    shape = None if value is None else np.shape(np.asarray(value))
+    if shape not in shapes:
+        hint = f" for its coefficients {effect.coefficients}" if method == "columns" else ""
+        raise ValueError(
+            f"The cause {effect.name!r} must return shape {' or '.join(map(str, shapes))} from "
+            f"{method}{hint}, got {shape}."
+        )
+    if not np.isfinite(np.asarray(value, dtype=float)).all():
+        raise ValueError(
+            f"The cause {effect.name!r} returned NaN or infinity from {method}: its parameters "
+            "were at the medians, or at the 5 or 95 % quantiles, of their priors."
+        )
 
 
 class Mismatch(NamedTuple):

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from hybridsurrogate.effects.base import ERROR, ROW, SIMULATED, SLOPE, Cause, Rows
 from hybridsurrogate.effects.noise.known_errors import RowErrors
 from hybridsurrogate.likelihoods import Contaminated, Likelihood, TransformedNormal
-from hybridsurrogate.numerics.blocks import in_blocks
+from hybridsurrogate.numerics.linear_algebra import in_blocks
 from hybridsurrogate.types import FloatArray, Prior
 
 # the name under which rows carry their own noise factor

@@ -3,20 +3,23 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Collection
-from dataclasses import dataclass
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from hybridsurrogate.effects.base import NOISE_SD
+from hybridsurrogate.effects.base import NOISE_SD, Cause
+from hybridsurrogate.effects.context import Context, OfOutput
 from hybridsurrogate.effects.noise.known_errors import Jitter
-from hybridsurrogate.effects.noise.output_noise import OutputNoise
+from hybridsurrogate.effects.noise.noise import OutputNoise
+from hybridsurrogate.effects.wrapped import prepared_for
 from hybridsurrogate.exceptions import FailedRunsWarning, SamplingWarning
 from hybridsurrogate.likelihoods import Likelihood
 from hybridsurrogate.model.observation import MeasuredModel
-from hybridsurrogate.numerics.blocks import LARGE_BLOCK, blocks
+from hybridsurrogate.model.problem import Problem
 from hybridsurrogate.numerics.digits import number
+from hybridsurrogate.numerics.linear_algebra import LARGE_BLOCK, blocks
 from hybridsurrogate.numerics.psis import KHAT_LIMIT
 from hybridsurrogate.types import FloatArray
 
@@ -289,3 +292,51 @@ def _possible(eta: FloatArray, noise: FloatArray) -> tuple[FloatArray, FloatArra
         failed, np.take_along_axis(good_first, turn, axis=0), np.arange(len(eta))[:, None]
     )
     return np.take_along_axis(eta, draw, axis=0), np.take_along_axis(noise, draw, axis=0)
+
+
+def with_prior_only(posterior: Posterior, problem: Problem, effects: Sequence[Cause]) -> Posterior:
+    """Return a posterior with further effects that nothing was learned about.
+
+    Parameters
+    ----------
+    posterior : Posterior
+    problem : Problem
+        That it is the posterior of.
+    effects : sequence of Cause
+        Not prepared.
+    """
+    if not effects:
+        return posterior
+    prepared = [prepared_for(effect, _context(problem)) for effect in effects]
+    model = posterior.model
+    whole = model.with_effects((*model.effects, *prepared))
+    n, known = posterior.n_draws, model.n_unknowns
+    # a separate stream: draws of all else stay the same
+    random = np.random.RandomState(0)
+    theta = [_shuffled(n, random, whole.priors[k].ppf) for k in range(known, len(whole.priors))]
+    values = np.column_stack([posterior.values[:, :known], *theta, posterior.values[:, known:]])
+    q = len(model.column_sd)
+    own = random.standard_normal((n, len(whole.column_sd) - q)) * whole.column_sd[q:]
+    coefficients = np.hstack([posterior.effect_coefficients, own])
+    return replace(posterior, model=whole, values=values, effect_coefficients=coefficients)
+
+
+def _shuffled(n: int, random: np.random.RandomState, quantile: object) -> FloatArray:
+    """Return n values evenly spread over a distribution, in random order."""
+    assert callable(quantile)
+    return np.asarray(quantile((random.permutation(n) + 0.5) / n))
+
+
+def _context(problem: Problem) -> Context:
+    model, stacking = problem.model, problem.stacking
+    names = () if stacking is None else stacking.names
+    scales = () if stacking is None else stacking.scale.tolist()
+    return Context(
+        dict(zip(model.columns, problem.X.T, strict=False)),
+        model.n_inputs,
+        dict(model.parameters),
+        {},
+        problem.scale,
+        outputs=names,
+        of_outputs=tuple(OfOutput(0.0, 0.0, 1.0, float(scale)) for scale in scales),
+    )

@@ -9,23 +9,23 @@ from functools import cached_property
 import numpy as np
 
 from hybridsurrogate.effects.base import Cause, Context
-from hybridsurrogate.effects.in_output import prepared_for
 from hybridsurrogate.effects.noise.known_errors import Jitter, RowErrors
-from hybridsurrogate.effects.noise.output_noise import OutputNoise
+from hybridsurrogate.effects.noise.noise import OutputNoise
+from hybridsurrogate.effects.wrapped import prepared_for
 from hybridsurrogate.exceptions import did_you_mean
 from hybridsurrogate.likelihoods import Likelihood
 from hybridsurrogate.model.context import (
     at_medians,
+    check_effects,
+    least_step,
     make_context,
     mismatch,
     of_each_output,
     with_slopes,
 )
-from hybridsurrogate.model.finite_differences import least_step
-from hybridsurrogate.model.observation import MeasuredModel
-from hybridsurrogate.model.rows.experiments import Experiments
-from hybridsurrogate.model.rows.measured_data import MeasuredData
-from hybridsurrogate.model.rows.observed import SimulatedRows
+from hybridsurrogate.model.observation import MeasuredModel, TransformedSimulation, WorkingPoint
+from hybridsurrogate.model.rows.columns import Experiments
+from hybridsurrogate.model.rows.measured_data import MeasuredData, SimulatedRows
 from hybridsurrogate.model.rows.stacking import Stacking
 from hybridsurrogate.model.statistics import (
     Statistics,
@@ -33,14 +33,9 @@ from hybridsurrogate.model.statistics import (
     statistics,
     statistics_of_runs,
 )
-from hybridsurrogate.model.transformed_simulation import TransformedSimulation
-from hybridsurrogate.model.validation import check_effects
-from hybridsurrogate.model.working_point import WorkingPoint
-from hybridsurrogate.numerics.blocks import LARGE_BLOCK, blocks
+from hybridsurrogate.numerics.linear_algebra import LARGE_BLOCK, blocks
 from hybridsurrogate.simulation.simulator import SimulationData, Simulator
-from hybridsurrogate.surrogates.base import Surrogate
-from hybridsurrogate.surrogates.basis import Basis
-from hybridsurrogate.surrogates.domain import Domain
+from hybridsurrogate.surrogates.basis import Basis, Domain, Surrogate
 from hybridsurrogate.surrogates.families.stacked import built_for_each
 from hybridsurrogate.types import FloatArray, Prior
 

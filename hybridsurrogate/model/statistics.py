@@ -1,4 +1,4 @@
-"""Sufficient statistics of rows: all that a conditionally Gaussian fit needs of them.
+"""Sufficient statistics of rows, the prior of their unknowns, the powers of likelihoods.
 
 And the posterior of a surrogate's coefficients given the simulation alone.
 """
@@ -6,13 +6,45 @@ And the posterior of a surrogate's coefficients given the simulation alone.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from hybridsurrogate.numerics.blocks import LARGE_BLOCK, blocks
+from hybridsurrogate.numerics.linear_algebra import LARGE_BLOCK, blocks
 from hybridsurrogate.surrogates.basis import Basis
-from hybridsurrogate.types import FloatArray
+from hybridsurrogate.types import FloatArray, Prior
+
+
+def powers_of(beta: Any) -> tuple[Any, Any]:
+    """Return (alpha_S, alpha_R), the powers of the two likelihoods (arXiv 2412.11875, section 2).
+
+    For a weight or an array of weights.
+
+    Examples
+    --------
+    >>> powers_of(0.5), powers_of(0.0), powers_of(1.0)
+    ((1.0, 1.0), (0.0, 1.0), (1.0, 0.0))
+    """
+    if np.ndim(beta):
+        return np.minimum(beta / np.maximum(1 - beta, 1e-300), 1.0), np.minimum(
+            (1 - beta) / np.maximum(beta, 1e-300), 1.0
+        )
+    if beta < 0.5:
+        return beta / (1 - beta), 1.0
+    return 1.0, (1 - beta) / beta
+
+
+def prior_log_density(z: FloatArray) -> FloatArray:
+    """Return the log density of standard normal coordinates (J, k), without its constant."""
+    return -0.5 * np.einsum("jk,jk->j", z, z)
+
+
+def prior_of_unknowns(u: FloatArray, noise_prior: Prior) -> FloatArray:
+    """Return the log density of u (J, d), without the constant of z."""
+    sigma = np.exp(u[:, -1])
+    with np.errstate(divide="ignore"):
+        return prior_log_density(u[:, :-1]) + noise_prior.logpdf(sigma) + u[:, -1]
+
 
 # a fit can be exact to the last digit (a polynomial fitted to a polynomial): this share of the
 # output's spread stands for the rounding of the numbers and keeps sigma away from zero

@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-from hybridsurrogate.arguments.paths import local_path
+from hybridsurrogate.arguments import local_path
 
 
 def check_writable(path: str | os.PathLike[str]) -> None:

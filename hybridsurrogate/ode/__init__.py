@@ -1,14 +1,11 @@
 """Simulations given by the right-hand side of an ordinary differential equation.
 
 simulator    OdeSimulator: states, right-hand side, solver
-checks       what a right-hand side returns
-function     the equation as a function of arrays
+function     the equation as a function of arrays, and checks of what it returns
 steps        steps as short as the solutions need, and the choice of a method
 integration  the solvers, vectorised over sets of parameters
 rosenbrock   the solver for stiff equations, with steps for each solution
-dynamics     changes of the right-hand side: courses of a rate, terms, delays
-wandering    a rate that wanders
-store        an unseen state that exchanges with one of the equation
+dynamics     changes of the right-hand side: courses of a rate, terms, delays, an unseen store
 """
 
 from hybridsurrogate.ode.simulator import OdeSimulator

@@ -1,4 +1,4 @@
-"""What may be wrong with the right-hand side of an ODE: a changing rate, a lost term, a delay."""
+"""What may be wrong with the right-hand side of an ODE: rate, term, delay, store."""
 
 from __future__ import annotations
 
@@ -9,8 +9,146 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hybridsurrogate.exceptions import did_you_mean
+from hybridsurrogate.numerics import hilbert
 from hybridsurrogate.simulation.modification import Modification, Numbers
 from hybridsurrogate.types import FloatArray
+
+
+@dataclass(frozen=True)
+class CoupledStore(Modification):
+    """A state z that the equations lack and that exchanges with one of their states, x.
+
+    ``dx/dt = ... - k (x - z)`` and ``dz/dt = k / ratio (x - z)``: the wall of a heated box, the
+    tissue of pharmacokinetics (Gibaldi and Perrier 1982, Pharmacokinetics, chapter 2). Alone the
+    two come together as ``exp(-t / scale)``, so that ``k = ratio / (scale (1 + ratio))``. At the
+    start z is x plus a gap. A store of ratio zero takes nothing.
+
+    Parameters
+    ----------
+    state : str
+    prefix : str or None, default=None
+        What the full names of the numbers begin with; None: the state and "store".
+
+    Examples
+    --------
+    >>> from hybridsurrogate.ode.dynamics import CoupledStore
+    >>> CoupledStore("air").constants
+    {'air_store_ratio': 0.0, 'air_store_scale': 1.0, 'air_store_gap': 0.0}
+    """
+
+    state: str
+    prefix: str | None = None
+
+    @property
+    def label(self) -> str:
+        """The prefix, or the state and "store"."""
+        return self.prefix or f"{self.state}_store"
+
+    @property
+    def neutral(self) -> dict[str, float]:
+        """A ratio of zero; scale and gap."""
+        return {"ratio": 0.0, "scale": 1.0, "gap": 0.0}
+
+    @property
+    def sizes(self) -> tuple[str, ...]:
+        """The ratio."""
+        return ("ratio",)
+
+    @property
+    def is_in_time(self) -> bool:
+        """Its scale is a time."""
+        return True
+
+    @property
+    def couples_to(self) -> str:
+        """The state with which it exchanges."""
+        return self.state
+
+    def check(self, rates: Sequence[str], states: Sequence[str]) -> None:
+        """Raise ValueError where there is no such state."""
+        check_state(self.state, states)
+
+    def begins(self, state: FloatArray, numbers: Numbers) -> FloatArray:
+        """Return the unseen state at the start, (m,)."""
+        return state + numbers["gap"]
+
+    def exchange(
+        self, state: FloatArray, unseen: FloatArray, numbers: Numbers
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return what is added to the slope of the state, and the slope of the unseen one, (m,)."""
+        flow = (state - unseen) / (numbers["scale"] * (1 + numbers["ratio"]))
+        return -numbers["ratio"] * flow, flow
+
+
+# the parameter changes by a factor of at most exp(5): beyond it no solver gets through
+_MOST = 5.0
+
+
+@dataclass(frozen=True)
+class WanderingParameter(Modification):
+    """A parameter p that becomes p exp(c(t)) in the right-hand side, c a sum of waves.
+
+    Parameters
+    ----------
+    parameter : str
+    low, high : float
+        Times between which the curve c lives, see `numerics.hilbert`.
+    n : int
+        Waves of which it is a sum.
+    prefix : str or None, default=None
+        What the full names of the numbers begin with; None: the parameter and "process".
+    """
+
+    parameter: str
+    low: float
+    high: float
+    n: int
+    prefix: str | None = None
+
+    @property
+    def label(self) -> str:
+        """The prefix, or the parameter and "process"."""
+        return self.prefix or f"{self.parameter}_process"
+
+    @property
+    def neutral(self) -> dict[str, float]:
+        """The waves at zero."""
+        return dict.fromkeys(self.sizes, 0.0)
+
+    @property
+    def sizes(self) -> tuple[str, ...]:
+        """The coefficients of the waves."""
+        return wave_names(self.n)
+
+    @property
+    def is_in_time(self) -> bool:
+        """It is a course in time."""
+        return True
+
+    def check(self, rates: Sequence[str], states: Sequence[str]) -> None:
+        """Raise ValueError where the right-hand side does not take the parameter."""
+        if self.parameter not in rates:
+            raise ValueError(
+                f"rhs has no parameter {self.parameter!r}; it has {list(rates)}."
+                f"{did_you_mean(self.parameter, rates)}"
+            )
+
+    def factors(self, t: FloatArray, numbers: Numbers, step: float) -> dict[str, FloatArray]:
+        """Return the factor on the parameter, (k, m)."""
+        scaled = (2 * t[:, 0] - self.low - self.high) / (self.high - self.low)
+        change = hilbert.waves(scaled, self.n) @ coefficients(numbers, self.n).T
+        return {self.parameter: np.exp(np.clip(change, -_MOST, _MOST))}
+
+
+def wave_names(n: int) -> tuple[str, ...]:
+    """Return the names of the coefficients of n waves."""
+    return tuple(f"wave_{k}" for k in range(1, n + 1))
+
+
+def coefficients(numbers: Numbers, n: int) -> FloatArray:
+    """Return the coefficients of n waves (m, n) of m draws."""
+    return np.stack([np.asarray(numbers[name]) for name in wave_names(n)], axis=-1)
+
 
 FORMS = ("constant", "proportional", "seasonal", "power", "saturating", "threshold", "product")
 

@@ -12,12 +12,15 @@ import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike
 
-from hybridsurrogate.arguments.description import described
-from hybridsurrogate.arguments.functions import check_callable
-from hybridsurrogate.arguments.named import as_names
-from hybridsurrogate.arguments.scalars import as_real, check_choice, check_number
-from hybridsurrogate.ode.checks import accepted_names
-from hybridsurrogate.ode.function import OdeFunction
+from hybridsurrogate.arguments import (
+    as_names,
+    as_real,
+    check_callable,
+    check_choice,
+    check_number,
+    described,
+)
+from hybridsurrogate.ode.function import OdeFunction, accepted_names
 from hybridsurrogate.ode.steps import chosen, sized, warn_if_too_long, with_step
 from hybridsurrogate.simulation.arrays import as_numbers, as_table
 from hybridsurrogate.simulation.evaluation import Running, evaluate

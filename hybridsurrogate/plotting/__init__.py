@@ -1,40 +1,43 @@
 """Drawing: functions that take numbers and the Axes to draw on, and return the Axes.
 
-Nothing is shown and no window is needed. ``report`` and ``checks`` have the pictures of a
-diagnosis, ``monitor`` that of what comes in after it; ``scene``, ``curves``, ``scores`` and
-``densities`` those of a study of the weight beta.
+Nothing is shown and no window is needed. ``diagnosis`` has the pictures of a diagnosis, ``curves``
+and ``scores`` those of a study of the weight beta and of several simulations, ``planning`` those of
+measurements that are planned or come in.
 """
 
-from hybridsurrogate.plotting.checks import (
+from hybridsurrogate.plotting.curves import (
+    Scene,
+    plot_bands_over_beta,
+    plot_mean_draws,
+    plot_mean_draws_over_beta,
+    plot_measured,
+    plot_predictive_bands,
+    plot_scene,
+    plot_setup,
+)
+from hybridsurrogate.plotting.diagnosis import (
+    Predicted,
+    Prediction,
+    plot_alternatives,
+    plot_causes,
     plot_coverage,
+    plot_discrepancy,
+    plot_emulator,
+    plot_information,
+    plot_overview,
+    plot_parameter_course,
+    plot_prediction,
     plot_quantiles,
     plot_residuals,
     plot_scores,
 )
-from hybridsurrogate.plotting.comparison import plot_comparison
-from hybridsurrogate.plotting.curves import (
-    plot_bands_over_beta,
-    plot_mean_draws,
-    plot_mean_draws_over_beta,
-    plot_predictive_bands,
+from hybridsurrogate.plotting.planning import plot_monitor, plot_power, plot_sobol
+from hybridsurrogate.plotting.scores import (
+    plot_beta_scan,
+    plot_comparison,
+    plot_densities_over_beta,
+    plot_scores_over_beta,
 )
-from hybridsurrogate.plotting.densities import plot_densities_over_beta
-from hybridsurrogate.plotting.emulator import plot_emulator
-from hybridsurrogate.plotting.monitor import plot_monitor
-from hybridsurrogate.plotting.overview import Predicted, plot_overview
-from hybridsurrogate.plotting.planning import plot_power
-from hybridsurrogate.plotting.report import (
-    Prediction,
-    plot_alternatives,
-    plot_causes,
-    plot_discrepancy,
-    plot_information,
-    plot_parameter_course,
-    plot_prediction,
-)
-from hybridsurrogate.plotting.scene import Scene, plot_measured, plot_scene, plot_setup
-from hybridsurrogate.plotting.scores import plot_beta_scan, plot_scores_over_beta
-from hybridsurrogate.plotting.sensitivity import plot_sobol
 from hybridsurrogate.plotting.style import (
     AFTER,
     ALTERNATIVES,

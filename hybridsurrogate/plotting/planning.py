@@ -1,13 +1,14 @@
-"""How often planned measurements would detect and name causes, over their size."""
+"""Detection over sizes of a cause, sensitivity over an input, new measurements as they come."""
 
 from __future__ import annotations
 
+import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
 from matplotlib import ticker
 from matplotlib.axes import Axes
 
-from hybridsurrogate.plotting.style import OMEGA_COLOURS, QUIET, new_axes, tidy
+from hybridsurrogate.plotting.style import AFTER, DATA, OMEGA_COLOURS, QUIET, new_axes, tidy
 
 # lines that an Axes has room to name within it
 _NAMED = 6
@@ -54,4 +55,88 @@ def plot_power(table: pd.DataFrame, ax: Axes | None = None, power: float = 0.9) 
     ax.xaxis.set_major_locator(ticker.FixedLocator(ticks))
     ax.xaxis.set_major_formatter(ticker.FuncFormatter(lambda x, _: f"{x:g}"))
     ax.xaxis.set_minor_locator(ticker.NullLocator())
+    return ax
+
+
+# of a standard normal, the middle nine tenths
+_NINE_TENTHS = 1.645
+
+
+def plot_monitor(
+    table: pd.DataFrame, false_alarm_rate: float, since: int | None = None, ax: Axes | None = None
+) -> Axes:
+    """Draw deviations of new measurements from predictions, and the odds of a change.
+
+    Points are deviations, nine of ten of which lie in the band while the extension is right. The
+    line, with its axis on the right, is the odds that something changed; dashed the odds that are
+    an alarm.
+
+    Parameters
+    ----------
+    table : DataFrame
+        ``table`` of a `Monitor`.
+    false_alarm_rate : float
+        That of the `Monitor`.
+    since : int, optional
+        ``since`` of the `Monitor`: the measurement from which something most probably changed.
+    ax : matplotlib Axes, optional
+
+    Returns
+    -------
+    matplotlib Axes
+
+    Examples
+    --------
+    >>> import pandas as pd
+    >>> from hybridsurrogate.plotting import plot_monitor
+    >>> table = pd.DataFrame({"deviation": [0.3, -1.0, 4.0], "e_value": [0.9, 0.8, 30.0]})
+    >>> plot_monitor(table, 0.05, since=2).get_ylabel()
+    'deviation, in sd of the prediction'
+    """
+    ax = new_axes()[0] if ax is None else ax
+    number = np.arange(len(table))
+    ax.axhspan(-_NINE_TENTHS, _NINE_TENTHS, color=QUIET, alpha=0.15, lw=0, label="nine of ten")
+    ax.plot(number, table["deviation"], "o", color=DATA, ms=4, label="measured")
+    if since is not None:
+        ax.axvline(since - 0.5, color=QUIET, ls=":", label="most probably changed")
+    odds = ax.twinx()
+    odds.semilogy(number, table["e_value"], color=AFTER, label="odds of a change")
+    odds.axhline(1 / false_alarm_rate, color=AFTER, ls="--", lw=1)
+    odds.set_ylabel("odds of a change to one (dashed: alarm)", color=AFTER)
+    return tidy(ax, "new measurement", "deviation, in sd of the prediction")
+
+
+def plot_sobol(table: pd.DataFrame, ax: Axes | None = None) -> Axes:
+    """Draw the indices of each parameter over the first column: total as lines, first dashed.
+
+    Parameters
+    ----------
+    table : DataFrame
+        Of `hybridsurrogate.sobol_indices`.
+    ax : Axes, optional
+
+    Returns
+    -------
+    Axes
+
+    Examples
+    --------
+    >>> import pandas as pd
+    >>> from hybridsurrogate.plotting import plot_sobol
+    >>> table = pd.DataFrame(
+    ...     {"t": [0, 1], "parameter": "rate", "first": [0.2, 0.9], "total": [0.3, 1.0]})
+    >>> plot_sobol(table).get_xlabel()
+    't'
+    """
+    ax = plt.subplots(layout="constrained")[1] if ax is None else ax
+    column = table.columns[0]
+    # of several outputs a pair of lines for each
+    keys = ["parameter", "output"] if "output" in table else ["parameter"]
+    for k, (names, own) in enumerate(table.groupby(keys, sort=False)):
+        own = own.sort_values(column)
+        ax.plot(own[column], own["total"], color=f"C{k}", label=", ".join(map(str, names)))
+        ax.plot(own[column], own["first"], color=f"C{k}", ls="--")
+    ax.set(xlabel=column, ylabel="share of the variance\n(total; dashed: first order)")
+    ax.set_ylim(-0.05, 1.05)
+    ax.legend()
     return ax

@@ -1,9 +1,6 @@
 """Predictions from mixtures of posteriors.
 
-mixture        means, variances, densities and samples
-intervals      central intervals
-cavity         each row given the others, coefficients of causes integrated out
+mixture        means, variances, densities, samples and central intervals
 leave_one_out  leave-one-out scores of the rows given to fit
-variables      draws by name, with their priors
-summary        estimates as a table
+variables      draws by name with their priors, estimates as a table
 """

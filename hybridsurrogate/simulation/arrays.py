@@ -1,4 +1,7 @@
-"""The one door for tables, arrays and numbers that a user gives: what holds no numbers stops here.
+"""The one door for tables, arrays and numbers that a user gives: what holds none stops here.
+
+The days themselves are no column: the simulation's input says when, and a second axis of time would
+share the probability of whatever changes in time.
 
 A frame of any library goes on as a pandas DataFrame, so that columns go by name from there on.
 """
@@ -14,10 +17,50 @@ from numpy.typing import ArrayLike
 from scipy import sparse
 from sklearn.utils import column_or_1d
 
-# others take it from here
-from hybridsurrogate.arguments.scalars import check_number as check_number
-from hybridsurrogate.simulation.calendar import dates_of, with_calendar
+from hybridsurrogate.arguments import check_number as check_number
 from hybridsurrogate.types import FloatArray
+
+# Monday is 1 and Sunday 7 (ISO 8601); January is 1
+WEEKDAY, WEEKEND, MONTH = "weekday of ", "weekend of ", "month of "
+_SATURDAY = 6
+
+
+def dates_of(table: pd.DataFrame) -> list[str]:
+    """Return the columns that hold dates."""
+    kinds = table.dtypes.items()
+    return [str(name) for name, kind in kinds if pd.api.types.is_datetime64_any_dtype(kind)]
+
+
+def with_calendar(table: pd.DataFrame, dates: list[str]) -> pd.DataFrame:
+    """Return a table with weekday, weekend and month in place of columns of dates, at its end.
+
+    Examples
+    --------
+    >>> days = pd.date_range("2026-11-27", periods=3)
+    >>> with_calendar(pd.DataFrame({"t": [0.0, 1.0, 2.0], "day": days}), ["day"]).iloc[:, 1:]
+       weekday of day  weekend of day  month of day
+    0             5.0             0.0          11.0
+    1             6.0             1.0          11.0
+    2             7.0             1.0          11.0
+    """
+    for name in dates:
+        days = table[name].dt
+        weekday = (days.day_of_week + 1).astype(float)
+        labels = {
+            WEEKDAY + name: weekday,
+            WEEKEND + name: (weekday >= _SATURDAY).astype(float),
+            MONTH + name: days.month.astype(float),
+        }
+        table = table.drop(columns=name).assign(**labels)
+    return table
+
+
+def is_of_calendar(name: str) -> bool:
+    """Return whether a column, by its name, holds weekdays or months: labels, not an axis."""
+    return name.startswith((WEEKDAY, MONTH))
+
+
+# others take it from here
 
 # doubles end at 1e308, and sums of squares are formed of everything
 _LARGEST = 1e150

@@ -15,13 +15,11 @@ from typing import Any
 
 import numpy as np
 
-from hybridsurrogate.arguments.description import described
-from hybridsurrogate.arguments.named import check_mapping
-from hybridsurrogate.arguments.scalars import check_choice, check_number
+from hybridsurrogate.arguments import check_choice, check_mapping, check_number, described
 from hybridsurrogate.exceptions import did_you_mean
-from hybridsurrogate.simulation.files.table_file import read_table
 from hybridsurrogate.simulation.outputs import by_output, output_names
 from hybridsurrogate.simulation.simulator import Simulator
+from hybridsurrogate.simulation.table_file import read_table
 from hybridsurrogate.simulation.variables import Assumed, Range, check_ranges, named_fields
 from hybridsurrogate.types import FloatArray, Prior
 

@@ -11,11 +11,11 @@ import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike, NDArray
 
-from hybridsurrogate.arguments.description import described
+from hybridsurrogate.arguments import described
 from hybridsurrogate.exceptions import DiagnosisWarning, FailedRunsWarning, did_you_mean
 from hybridsurrogate.simulation.arrays import as_numbers, as_table
-from hybridsurrogate.simulation.files.table_file import DATE, RUN
 from hybridsurrogate.simulation.outputs import by_output
+from hybridsurrogate.simulation.table_file import DATE, RUN
 from hybridsurrogate.simulation.variables import as_matrix, select_columns
 
 # of a wide table

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from scipy.stats import qmc
 
-from hybridsurrogate.arguments.scalars import check_choice, check_number, random_generator
+from hybridsurrogate.arguments import check_choice, check_number, random_generator
 from hybridsurrogate.types import FloatArray
 
 _DESIGNS = ("sobol", "latin-hypercube")

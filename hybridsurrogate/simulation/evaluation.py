@@ -1,4 +1,4 @@
-"""The outputs of rows: the calls of the function that they take, at the same time and timed.
+"""The outputs of rows: computed at the same time, timed, and kept in a table of bounded size.
 
 Each is stored when it ends; those that are stored are not made again.
 """
@@ -6,21 +6,186 @@ Each is stored when it ends; those that are stored are not made again.
 from __future__ import annotations
 
 import warnings
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from threading import Lock
+from time import perf_counter
 from typing import Any
+from weakref import WeakKeyDictionary
 
 import numpy as np
+import pandas as pd
 from joblib import effective_n_jobs
 from numpy.typing import NDArray
 
 from hybridsurrogate.exceptions import FailedRunsWarning
-from hybridsurrogate.simulation.calls.arrays import TakesNumbersError, all_at_once
-from hybridsurrogate.simulation.calls.function import Function
-from hybridsurrogate.simulation.calls.jobs import Outcome, called
-from hybridsurrogate.simulation.calls.rows import row_by_row
-from hybridsurrogate.simulation.files.run_store import RunStore
+from hybridsurrogate.simulation.calls import (
+    Function,
+    Outcome,
+    TakesNumbersError,
+    all_at_once,
+    called,
+    row_by_row,
+)
+from hybridsurrogate.simulation.run_store import RunStore
 from hybridsurrogate.types import FloatArray
+
+_BYTES = 64 * 2**20
+# A diagnosis of an ODE has a simulation, and so a table, for each of some forty causes, in each
+# fold. Those that were used last may have as much together
+_BYTES_OF_ALL = 8 * _BYTES
+# To find a row takes about 0.4 us: a function of arrays that takes less is called again. Of fewer
+# rows the time is that of the call
+_QUICK, _FEW, _MEASURED = 1e-6, 1000, 3
+# odd, of mixed bits (Steele, Lea and Flood 2014, the constants of SplitMix64)
+_GOLDEN, _MIX = np.uint64(0x9E3779B97F4A7C15), np.uint64(0xBF58476D1CE4E5B9)
+
+_Table = tuple[NDArray[np.uint64], FloatArray, NDArray[np.bool_]]
+
+
+class OutputCache:
+    """A table of rows and their outputs; of two rows with one place in it the later one stays.
+
+    All tables of a process share half a gigabyte: where a new one does not fit, those that were not
+    used for longest are dropped.
+
+    Parameters
+    ----------
+    n_bytes : int, default=2**26
+        Its size at most.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hybridsurrogate.simulation.evaluation import OutputCache
+    >>> cache, asked = OutputCache(), []
+    >>> def double(points):
+    ...     asked.append(len(points))
+    ...     return 2 * points[:, 0]
+    >>> cache.outputs(double, np.array([[1.0], [2.0], [1.0]]))
+    array([2., 4., 2.])
+    >>> cache.outputs(double, np.array([[2.0], [3.0]]))
+    array([4., 6.])
+    >>> asked
+    [2, 1]
+    """
+
+    def __init__(self, n_bytes: int = _BYTES) -> None:
+        self.n_bytes = n_bytes
+        self._table: _Table | None = None
+        self._seconds, self._calls = np.inf, 0
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        # another process begins with an empty table
+        return OutputCache, (self.n_bytes,)
+
+    def outputs(
+        self, function: Callable[[FloatArray], FloatArray], points: FloatArray
+    ) -> FloatArray:
+        """Return the outputs (n,) or (n, k) of rows (n, d); the function gets those not known."""
+        bits = np.ascontiguousarray(points, dtype=float).view(np.uint64)
+        if not bits.size:
+            return function(points)
+        mixed = _mixed(bits)
+        # in the order of the rows: neighbours may share a solution
+        which, mixed, first = _distinct(mixed)
+        # different rows with one number: all of them are called
+        if len(first) < len(bits) and (bits[first][which] != bits).any():
+            return function(points)
+        bits = bits[first]
+        table = self._table
+        if table is None:
+            y = function(points[first])
+            table = self._empty(bits.shape[1], y.shape[1:])
+            _add(table, bits, y, mixed)
+            self._table = table
+            self._share()
+            return y[which]
+        self._share()
+        keys, values, filled = table
+        place = _place(table, mixed)
+        known = filled[place] & (keys[place] == bits).all(axis=1)
+        y = values[place]
+        new = np.flatnonzero(~known)
+        if new.size:
+            y[new] = function(points[first[new]])
+            _add(table, bits[new], y[new], mixed[new])
+        return y[which]
+
+    def outputs_if_slow(
+        self, function: Callable[[FloatArray], FloatArray], points: FloatArray
+    ) -> FloatArray:
+        """Return what `outputs` does; a function of many rows at once is called for all, if quick.
+
+        The quickest of its first calls decides: on a busy machine others have to wait.
+        """
+        if self._calls >= _MEASURED and self._seconds > _QUICK:
+            return self.outputs(function, points)
+        if self._calls >= _MEASURED or len(points) < _FEW:
+            return function(points)
+        start = perf_counter()
+        y = function(points)
+        self._seconds = min(self._seconds, (perf_counter() - start) / len(points))
+        self._calls += 1
+        return y
+
+    def _share(self) -> None:
+        """Become the one that was used last, and drop the tables that are too many."""
+        with _LOCK:
+            _USED.pop(self, None)
+            _USED[self] = self.n_bytes
+            total = sum(_USED.values())
+            for cache, n_bytes in list(_USED.items())[:-1]:
+                if total <= _BYTES_OF_ALL:
+                    break
+                cache._table = None
+                del _USED[cache]
+                total -= n_bytes
+
+    def _empty(self, d: int, several: tuple[int, ...]) -> _Table:
+        each = 8 * (d + int(np.prod(several))) + 1
+        n = 1 << max(1, int(np.log2(self.n_bytes / each)))
+        # zeros take memory only where they are written to
+        keys = np.zeros((n, d), dtype=np.uint64)
+        return keys, np.zeros((n, *several)), np.zeros(n, dtype=bool)
+
+
+# caches with a table, those that were used last at the end, and its bytes at most
+_USED: WeakKeyDictionary[OutputCache, int] = WeakKeyDictionary()
+_LOCK = Lock()
+
+
+def _place(table: _Table, mixed: NDArray[np.uint64]) -> NDArray[np.intp]:
+    return (mixed & np.uint64(len(table[2]) - 1)).astype(np.intp)
+
+
+def _add(table: _Table, bits: NDArray[np.uint64], y: FloatArray, mixed: NDArray[np.uint64]) -> None:
+    keys, values, filled = table
+    # of rows with one place the first, in all three arrays alike
+    place, first = _distinct(_place(table, mixed))[1:]
+    keys[place], values[place], filled[place] = bits[first], y[first], True
+
+
+def _distinct(
+    numbers: NDArray[Any],
+) -> tuple[NDArray[np.intp], NDArray[Any], NDArray[np.intp]]:
+    """Return which distinct number each one is, these, and where each comes first, in order."""
+    which, distinct = pd.factorize(numbers)
+    first = np.empty(len(distinct), dtype=np.intp)
+    first[which[::-1]] = np.arange(len(numbers))[::-1]
+    return which, np.asarray(distinct), first
+
+
+def _mixed(bits: NDArray[np.uint64]) -> NDArray[np.uint64]:
+    """Return one number (n,) for each row (n, d) of bits."""
+    mixed = np.zeros(len(bits), dtype=np.uint64)
+    for column in bits.T:
+        mixed = (mixed ^ column) * _GOLDEN
+        mixed ^= mixed >> np.uint64(29)
+        mixed *= _MIX
+        mixed ^= mixed >> np.uint64(32)
+    return mixed
+
 
 # Of so many rows for each process the first are called here, for so many seconds: processes take
 # about a second to start, and share the others where these take longer

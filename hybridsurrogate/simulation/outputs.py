@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from hybridsurrogate.arguments.named import as_names
+from hybridsurrogate.arguments import as_names
 from hybridsurrogate.exceptions import did_you_mean
 from hybridsurrogate.simulation.arrays import as_numbers
 from hybridsurrogate.types import FloatArray

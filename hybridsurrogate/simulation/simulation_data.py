@@ -13,7 +13,7 @@ import pandas as pd
 from numpy.typing import ArrayLike, NDArray
 
 from hybridsurrogate.exceptions import FailedRunsWarning
-from hybridsurrogate.notebook.tables import table
+from hybridsurrogate.notebook import table
 from hybridsurrogate.simulation.arrays import as_numbers, as_table, check_spread
 from hybridsurrogate.simulation.curve_tables import (
     check_curves,
@@ -21,15 +21,8 @@ from hybridsurrogate.simulation.curve_tables import (
     name_of_curves,
     wide_along,
 )
-from hybridsurrogate.simulation.files.table_file import RUN, read_table, write_table
 from hybridsurrogate.simulation.outputs import OUTPUT, check_names, output_names
-from hybridsurrogate.simulation.ranges import (
-    check_support,
-    check_value,
-    parameter_range,
-    ranges_of_inputs,
-    varied_ranges,
-)
+from hybridsurrogate.simulation.table_file import RUN, read_table, write_table
 from hybridsurrogate.simulation.variables import (
     Assumed,
     Range,
@@ -37,11 +30,16 @@ from hybridsurrogate.simulation.variables import (
     check_assumed,
     check_inputs,
     check_lengths,
+    check_support,
+    check_value,
     describe,
     named_fields,
+    parameter_range,
     prior_names,
     priors_of,
+    ranges_of_inputs,
     select_columns,
+    varied_ranges,
     with_uniform_priors,
 )
 from hybridsurrogate.types import FloatArray, Prior

@@ -15,25 +15,31 @@ import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike, NDArray
 
-from hybridsurrogate.arguments.functions import check_callable, state_to_pickle
-from hybridsurrogate.arguments.scalars import check_choice, check_flag, check_n_jobs, check_number
+from hybridsurrogate.arguments import (
+    check_callable,
+    check_choice,
+    check_flag,
+    check_n_jobs,
+    check_number,
+    state_to_pickle,
+)
 from hybridsurrogate.exceptions import RowByRowWarning, did_you_mean
 from hybridsurrogate.priors import prior_range
 from hybridsurrogate.simulation.arrays import as_numbers, as_table
-from hybridsurrogate.simulation.calls.output_cache import OutputCache
 from hybridsurrogate.simulation.design import draw_design, run_with_ends
 from hybridsurrogate.simulation.evaluation import (
     Function,
+    OutputCache,
     Running,
     TakesNumbersError,
     evaluate,
     warn_of_lost_curves,
 )
-from hybridsurrogate.simulation.files.run_store import RunStore
-from hybridsurrogate.simulation.files.table_file import RUN
 from hybridsurrogate.simulation.modification import Modification
 from hybridsurrogate.simulation.outputs import OUTPUT, OneOutput, by_output, output_names
+from hybridsurrogate.simulation.run_store import RunStore
 from hybridsurrogate.simulation.simulation_data import SimulationData, drop_failed, read_simulation
+from hybridsurrogate.simulation.table_file import RUN
 from hybridsurrogate.simulation.variables import (
     Assumed,
     Range,

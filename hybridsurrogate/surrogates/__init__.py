@@ -1,26 +1,20 @@
 """Surrogates.
 
-base        what a family is, and the register
-basis       a family for given runs: features, a fixed part, hyperparameters
-domain      what a family may know of the runs
-families/   one file each, which registers an instance
+basis       what a family is; a family for given runs: features, a fixed part, hyperparameters
+families/   each registers an instance
 emulation/  processes over runs, and over curves
 """
 
 from typing import TYPE_CHECKING
 
 from hybridsurrogate.registration import import_all
-from hybridsurrogate.surrogates.base import SURROGATES, Surrogate
-from hybridsurrogate.surrogates.basis import Basis, Factors
-from hybridsurrogate.surrogates.domain import Domain
+from hybridsurrogate.surrogates.basis import SURROGATES, Basis, Domain, Factors, Surrogate
 
 if TYPE_CHECKING:  # for type checkers and editors, which do not run `import_all`
-    from hybridsurrogate.surrogates.families.exact import ExactSurrogate
-    from hybridsurrogate.surrogates.families.feature import FeatureSurrogate
+    from hybridsurrogate.surrogates.families.feature import FeatureSurrogate, NetworkSurrogate
     from hybridsurrogate.surrogates.families.gaussian_process import GaussianProcess
     from hybridsurrogate.surrogates.families.kriging import Kriging
-    from hybridsurrogate.surrogates.families.network import NetworkSurrogate
-    from hybridsurrogate.surrogates.families.parametric import ParametricSurrogate
+    from hybridsurrogate.surrogates.families.parametric import ExactSurrogate, ParametricSurrogate
     from hybridsurrogate.surrogates.families.polynomial_chaos import PolynomialChaos
 
 __all__ = [

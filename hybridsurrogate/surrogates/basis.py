@@ -8,16 +8,129 @@ collapsed likelihood to the diagnosis, is written on those two functions.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
 from functools import cached_property
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
+from sklearn.base import BaseEstimator
 
-from hybridsurrogate.numerics.blocks import blocks, each_with_each, in_turn
+from hybridsurrogate.arguments import state_to_pickle
+from hybridsurrogate.numerics.linear_algebra import blocks, each_with_each, in_turn
+from hybridsurrogate.registration import add
 from hybridsurrogate.simulation.modification import Modification
 from hybridsurrogate.types import FloatArray, Prior
+
+
+@dataclass(frozen=True)
+class Domain:
+    """The ranges on which a surrogate is defined, and the rows that it is trained on.
+
+    Attributes
+    ----------
+    input_ranges : ndarray of shape (n_inputs, 2)
+        Simulated range of each input.
+    parameter_ranges : ndarray of shape (n_parameters, 2)
+        Simulated range of each parameter, the assumed constants last.
+    location, scale : float
+        Mean and standard deviation of the outputs on the scale of eta, for default priors.
+    simulate : callable or None
+        ``simulate(X, omega) -> (n,)`` on the scale of eta; None when there are only runs.
+    X, omega : ndarray of shape (n, n_inputs), (n, n_parameters)
+        Inputs and parameters of the runs, or of the measured rows where there are no runs.
+    eta : ndarray of shape (n,)
+        Outputs of these rows on the scale of eta.
+    input_names, parameter_names : tuple of str
+
+    Examples
+    --------
+    >>> domain = Domain(np.array([[0, 4]]), np.array([[5, 15]]), location=0.0, scale=1.0)
+    >>> domain.scaled(np.array([[3.0]]), np.array([[5.0]]))
+    array([[ 0.5, -1. ]])
+    """
+
+    input_ranges: FloatArray
+    parameter_ranges: FloatArray
+    location: float
+    scale: float
+    simulate: Callable[[FloatArray, FloatArray], FloatArray] | None = None
+    X: FloatArray = field(default_factory=lambda: np.empty((0, 0)))
+    omega: FloatArray = field(default_factory=lambda: np.empty((0, 0)))
+    eta: FloatArray = field(default_factory=lambda: np.empty(0))
+    input_names: tuple[str, ...] = ()
+    parameter_names: tuple[str, ...] = ()
+
+    def scaled(self, X: FloatArray, omega: FloatArray) -> FloatArray:
+        """Map inputs and parameters to [-1, 1], (n, n_inputs + n_parameters).
+
+        Parameters beyond the runs are fixed at the ends, where the runs stop.
+        """
+        low, high = self.parameter_ranges[:, 0], self.parameter_ranges[:, 1]
+        points = np.hstack([X, np.clip(omega, low, high)])
+        ranges = np.vstack([self.input_ranges, self.parameter_ranges])
+        return (2 * points - ranges.sum(axis=1)) / (ranges[:, 1] - ranges[:, 0])
+
+
+class Surrogate(BaseEstimator, ABC):
+    """Base of the surrogates: constructor parameters only, no state.
+
+    A user-defined surrogate implements ``build`` and returns a `Basis`.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hybridsurrogate.surrogates import Basis, Surrogate
+    >>> class LineBasis(Basis):
+    ...     def known(self, X, omega, hyper=None):
+    ...         return np.zeros(len(X))
+    ...     def features(self, X, omega):
+    ...         return np.column_stack([np.ones(len(X)), X, omega])
+    >>> class Line(Surrogate):
+    ...     def build(self, domain):
+    ...         p = 1 + len(domain.input_ranges) + len(domain.parameter_ranges)
+    ...         return LineBasis(np.zeros(p), np.full(p, 10 * domain.scale))
+    """
+
+    def __getstate__(self) -> dict[str, Any]:
+        state: dict[str, Any] = super().__getstate__()
+        return state_to_pickle(state, type(self).__name__)
+
+    @abstractmethod
+    def build(self, domain: Domain) -> Basis:
+        """Return the basis on a domain."""
+
+    def of_measured_data(self) -> Surrogate:
+        """Return the surrogate of measured data alone with which predictive weighting mixes it.
+
+        It is built where omega has no columns: a surrogate that needs parameters returns another.
+        """
+        return self
+
+
+# an instance by name; property tests run over it
+SURROGATES: dict[str, Surrogate] = {}
+
+
+def register(name: str, surrogate: Surrogate) -> None:
+    """Give a surrogate a name and make its class public; its file calls it at the end.
+
+    Parameters
+    ----------
+    name : str
+    surrogate : Surrogate
+        One that can be built on any domain, for the tests of what all surrogates must hold.
+
+    Examples
+    --------
+    >>> register("line", dict())
+    Traceback (most recent call last):
+        ...
+    TypeError: register('line', ...) needs a Surrogate object, got {}.
+    """
+    if not isinstance(surrogate, Surrogate):
+        raise TypeError(f"register({name!r}, ...) needs a Surrogate object, got {surrogate!r}.")
+    add(SURROGATES, name, surrogate)
 
 
 class Factors(NamedTuple):

@@ -13,7 +13,7 @@ import pytest
 from scipy import stats
 
 import hybridsurrogate as hs
-from hybridsurrogate.diagnosis.answers.table import form_of
+from hybridsurrogate.diagnosis.answers.finding import form_of
 from hybridsurrogate.diagnosis.search.context import SearchContext
 from hybridsurrogate.diagnosis.search.search import search
 from hybridsurrogate.diagnosis.search.setup import prepare, trained_emulator

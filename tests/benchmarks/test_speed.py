@@ -8,9 +8,9 @@ from sklearn.model_selection import GridSearchCV
 
 import hybridsurrogate as hs
 from hybridsurrogate.datasets import make_log_sin
-from hybridsurrogate.estimators.carried import fitted_near
+from hybridsurrogate.estimators.beta_path import fitted_near
 from hybridsurrogate.estimators.power_scaled import prepared
-from hybridsurrogate.surrogates.emulation import process
+from hybridsurrogate.surrogates.emulation import covariance
 from hybridsurrogate.surrogates.emulation.curve_emulator import emulate_curves
 
 BETAS = np.linspace(0, 1, 21)
@@ -143,6 +143,6 @@ def test_an_emulator_of_curves(benchmark, n_runs, n_times):
     ranges = [np.array(list(r.values())) for r in (runs.input_ranges, runs.parameter_ranges)]
     benchmark.pedantic(
         lambda: emulate_curves(runs.X, runs.omega, runs.y, *ranges),
-        setup=process._learned.cache_clear,
+        setup=covariance._learned.cache_clear,
         rounds=3,
     )

@@ -132,7 +132,7 @@ def test_a_file_of_later_measurements_needs_the_same_columns(files, capsys):
         (("--exclude", "delya"), "Did you mean 'delay'?"),
         (("--simulation", "nowhere.csv"), "nowhere.csv"),
         (("--max-causes", "0"), "max_causes == 0, must be >= 1"),
-        (("--exclude", "weather"), "the kinds are bump, "),
+        (("--exclude", "weather"), "the kinds are build-up, bump, "),
     ],
 )
 def test_a_mistake_ends_with_one_clear_line(files, capsys, change, message):

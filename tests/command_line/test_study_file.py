@@ -5,7 +5,7 @@ import pytest
 from hybridsurrogate.command_line import diagnoses
 from hybridsurrogate.command_line.commands import COMMANDS
 from hybridsurrogate.command_line.main import main
-from hybridsurrogate.command_line.study_file import read_study
+from hybridsurrogate.command_line.study import read_study
 
 STUDY = """
 measured = "data/measured.csv"

@@ -6,7 +6,7 @@ import pytest
 from sklearn.exceptions import NotFittedError
 
 import hybridsurrogate as hs
-from hybridsurrogate.diagnosis.fitting import folds as module
+from hybridsurrogate.diagnosis.fitting import diagnose as module
 from hybridsurrogate.effects.registry import kinds
 
 FEW = sorted({*kinds()} - {"offset", "trend"})

@@ -337,7 +337,7 @@ def test_parameters_that_cannot_work(simulator, change, error, message):
 @pytest.mark.parametrize("exclude", ["trend", ["trnd"], ["unexplained"], None, [["trend"]]])
 def test_what_cannot_be_excluded(simulator, exclude):
     X, y = measure(np.zeros_like)
-    with pytest.raises(ValueError, match=r"the kinds are bump, .*decay"):
+    with pytest.raises(ValueError, match=r"the kinds are build-up, bump, .*decay"):
         hs.DiscrepancyDiagnosis(exact(simulator), exclude=exclude).fit(X, y)
 
 

@@ -9,7 +9,7 @@ from sklearn.base import clone
 from tide import FRAME, context_of
 
 import hybridsurrogate as hs
-from hybridsurrogate.effects.axis import UNKNOWN, Axis
+from hybridsurrogate.effects.context import UNKNOWN, Axis
 
 
 def test_what_an_axis_knows():

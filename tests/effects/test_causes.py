@@ -13,7 +13,7 @@ from tide import CASES, FRAME, SIMULATOR, context_of, plain, prepared, problem_o
 
 import hybridsurrogate as hs
 from hybridsurrogate.diagnosis.answers.extension import extend_simulator
-from hybridsurrogate.effects.axis import Axis
+from hybridsurrogate.effects.context import Axis
 from hybridsurrogate.effects.picture import plot_cause
 
 # --------------------------------------------------------------------- formulas, by hand

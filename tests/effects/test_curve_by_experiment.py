@@ -7,7 +7,7 @@ from batches import DECAY, decay
 
 import hybridsurrogate as hs
 from hybridsurrogate.effects import Context
-from hybridsurrogate.effects.axis import Axis
+from hybridsurrogate.effects.context import Axis
 
 AMPLITUDE, NOISE, EXPERIMENTS = 0.2, 0.03, 12
 

@@ -11,7 +11,7 @@ from hybridsurrogate.catalogue import catalogue
 from hybridsurrogate.diagnosis.search.context import SearchContext
 from hybridsurrogate.diagnosis.search.search import search
 from hybridsurrogate.effects.base import ROW, Context
-from hybridsurrogate.effects.noise.gross_error import GrossRow
+from hybridsurrogate.effects.noise.outliers import GrossRow
 from hybridsurrogate.likelihoods import as_likelihood
 from hybridsurrogate.model.context import make_context
 from hybridsurrogate.model.problem import make_problem

@@ -6,7 +6,7 @@ import pytest
 from tide import context_of
 
 import hybridsurrogate as hs
-from hybridsurrogate.effects.axis import highest_frequency
+from hybridsurrogate.effects.context import highest_frequency
 
 RNG = np.random.default_rng(0)
 

@@ -8,11 +8,11 @@ from scipy import integrate, stats
 
 import hybridsurrogate as hs
 from hybridsurrogate.catalogue import catalogue
-from hybridsurrogate.diagnosis.answers.table import form_of
-from hybridsurrogate.effects.axis import OutputScale
+from hybridsurrogate.diagnosis.answers.finding import form_of
+from hybridsurrogate.effects.context import OutputScale
 from hybridsurrogate.effects.picture import plot_cause
 from hybridsurrogate.likelihoods import Contaminated, Normal
-from hybridsurrogate.likelihoods.contaminated import log_shape, precision_at
+from hybridsurrogate.likelihoods.student_t import log_shape, precision_at
 from hybridsurrogate.model.problem import make_problem
 
 

@@ -9,9 +9,7 @@ from scipy import stats
 
 import hybridsurrogate as hs
 from hybridsurrogate.effects.base import Context
-from hybridsurrogate.effects.code import Code
-from hybridsurrogate.effects.expressions import in_latex, in_words
-from hybridsurrogate.effects.notation import number, word
+from hybridsurrogate.effects.expressions import Code, in_latex, in_words, number, word
 
 T = np.linspace(0, 12, 24)
 CONTEXT = Context(

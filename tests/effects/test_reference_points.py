@@ -11,7 +11,7 @@ from few_kinds import all_but
 
 import hybridsurrogate as hs
 from hybridsurrogate.catalogue import catalogue
-from hybridsurrogate.diagnosis.answers.table import form_of
+from hybridsurrogate.diagnosis.answers.finding import form_of
 from hybridsurrogate.effects.base import Context
 
 T = np.linspace(0.2, 10, 40)

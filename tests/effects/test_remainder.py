@@ -10,7 +10,7 @@ from scipy import stats
 from sklearn.base import clone
 
 import hybridsurrogate as hs
-from hybridsurrogate.effects.output.remainder import GROWTH, LEAST, LEAST_OF_CURVE, MOST
+from hybridsurrogate.effects.output.processes import GROWTH, LEAST, LEAST_OF_CURVE, MOST
 
 T = np.linspace(0, 10, 30)
 Y = 2 * T + 1.0 + 0.1 * np.random.default_rng(0).standard_normal(30)

@@ -8,7 +8,7 @@ from tide import context_of
 
 import hybridsurrogate as hs
 from hybridsurrogate.catalogue import catalogue
-from hybridsurrogate.effects.axis import OutputScale
+from hybridsurrogate.effects.context import OutputScale
 
 LIMIT = 12.0
 

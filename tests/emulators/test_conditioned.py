@@ -58,7 +58,7 @@ def test_correlations_are_those_of_scikit_learn():
 
 
 def test_weighed_correlations_and_their_slopes(monkeypatch):
-    monkeypatch.setattr("hybridsurrogate.numerics.blocks.blocks.__defaults__", (20,))
+    monkeypatch.setattr("hybridsurrogate.numerics.linear_algebra.blocks.__defaults__", (20,))
     rng = np.random.default_rng(0)
     a, others, weights = rng.normal(size=(9, 3)), Apart.of(rng.normal(size=(6, 3))), np.arange(6.0)
     value, slopes = weighted(Apart.of(a), others, np.column_stack([weights, weights[::-1]]))

@@ -13,7 +13,7 @@ from sklearn.gaussian_process import GaussianProcessRegressor
 from sklearn.gaussian_process.kernels import ConstantKernel, Matern
 
 import hybridsurrogate as hs
-from hybridsurrogate.emulators.left_out import LeftOut
+from hybridsurrogate.emulators.conditioned import LeftOut
 from hybridsurrogate.plotting import plot_emulator
 
 RANGES = {"x": (0.0, 1.0), "z": (0.0, 1.0), "rate": (0.5, 3.0)}

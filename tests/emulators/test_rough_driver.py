@@ -9,7 +9,7 @@ from few_kinds import all_but
 from scipy.stats import qmc, uniform
 
 import hybridsurrogate as hs
-from hybridsurrogate.diagnosis.checks.emulator import EmulatorCheck
+from hybridsurrogate.diagnosis.checks.simulation import EmulatorCheck
 
 PRIORS = {"k": uniform(0.03, 0.17), "loss": uniform(0.1, 0.5), "s0": uniform(20, 100)}
 NOISE, FROM = 0.08, 70

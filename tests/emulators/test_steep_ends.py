@@ -9,7 +9,7 @@ from agreement import assert_same_numbers
 from scipy import stats
 
 import hybridsurrogate as hs
-from hybridsurrogate.surrogates.emulation.local_variance import LocalError
+from hybridsurrogate.surrogates.emulation.covariance import LocalError
 
 RATES = {
     "power": hs.truncated_normal(90, 5, 70, 110),

@@ -9,7 +9,7 @@ from sklearn.base import clone
 
 import hybridsurrogate as hs
 from hybridsurrogate.diagnosis.search.setup import prepare
-from hybridsurrogate.effects.noise.gross_error import GrossRow
+from hybridsurrogate.effects.noise.outliers import GrossRow
 from hybridsurrogate.estimators import power_scaled
 from hybridsurrogate.estimators.checked_estimator import CheckedEstimator
 from hybridsurrogate.estimators.power_scaled import FitTask, prepared

@@ -6,7 +6,7 @@ from searching import compared
 
 import hybridsurrogate as hs
 from hybridsurrogate.catalogue import catalogue
-from hybridsurrogate.diagnosis.answers.table import form_of
+from hybridsurrogate.diagnosis.answers.finding import form_of
 from hybridsurrogate.likelihoods import as_likelihood
 from hybridsurrogate.model.context import make_context
 from hybridsurrogate.model.problem import make_problem

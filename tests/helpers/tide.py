@@ -9,7 +9,7 @@ from hybridsurrogate.likelihoods import as_likelihood
 from hybridsurrogate.model.context import at_medians, make_context, with_slopes
 from hybridsurrogate.model.observation import MeasuredModel
 from hybridsurrogate.model.problem import make_problem
-from hybridsurrogate.surrogates.families.exact import ExactBasis
+from hybridsurrogate.surrogates.families.parametric import ExactBasis
 
 NOISE = 0.1
 

@@ -9,7 +9,7 @@ from scipy.integrate import solve_ivp
 from scipy.stats import norm
 
 import hybridsurrogate as hs
-from hybridsurrogate.model.finite_differences import least_step
+from hybridsurrogate.model.context import least_step
 from hybridsurrogate.model.problem import make_problem
 
 T = np.linspace(0.1, 10, 40)

@@ -7,8 +7,9 @@ import pytest
 from few_kinds import all_but
 
 import hybridsurrogate as hs
+from hybridsurrogate import notebook
 from hybridsurrogate.datasets import make_log_sin
-from hybridsurrogate.notebook import bars, for_a_person
+from hybridsurrogate.notebook import for_a_person
 
 
 @pytest.fixture(scope="module")
@@ -87,13 +88,13 @@ def test_what_a_diagnosis_is_doing_is_shown_to_a_person_alone(capsys, monkeypatc
     assert work(False) == ""
     monkeypatch.setattr(sys.stderr, "isatty", lambda: False, raising=False)
     # output in a notebook is no terminal, but a person reads it
-    monkeypatch.setattr(bars, "IN_NOTEBOOK", True)
+    monkeypatch.setattr(notebook, "IN_NOTEBOOK", True)
     assert "Search" in work(True)
     assert work(False) == ""
 
 
 def test_a_scan_over_beta_follows_the_diagnosis(monkeypatch, capsys):
-    monkeypatch.setattr(bars, "IN_NOTEBOOK", True)
+    monkeypatch.setattr(notebook, "IN_NOTEBOOK", True)
     rng = np.random.default_rng(0)
     x = np.linspace(0, 1, 20)
     simulator = hs.Simulator(

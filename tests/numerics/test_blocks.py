@@ -15,7 +15,7 @@ from hybridsurrogate.inference.evidence.linearised import linearise
 from hybridsurrogate.inference.evidence.marginal_likelihood import _normal_equations, scan
 from hybridsurrogate.model.problem import make_problem
 from hybridsurrogate.model.statistics import emulator_posterior
-from hybridsurrogate.numerics.blocks import BLOCK, blocks, in_blocks
+from hybridsurrogate.numerics.linear_algebra import BLOCK, blocks, in_blocks
 
 N = 3000
 

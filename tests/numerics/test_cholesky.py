@@ -3,7 +3,7 @@
 import numpy as np
 from agreement import assert_same_numbers
 
-from hybridsurrogate.numerics.cholesky import nudged_cholesky
+from hybridsurrogate.numerics.linear_algebra import nudged_cholesky
 
 
 def test_rounding_in_one_matrix_leaves_the_others_as_they_are():

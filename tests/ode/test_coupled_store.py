@@ -10,7 +10,7 @@ from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 
 import hybridsurrogate as hs
-from hybridsurrogate.ode.store import CoupledStore
+from hybridsurrogate.ode.dynamics import CoupledStore
 
 TIMES = np.linspace(1, 5, 41)
 RATE, RATIO, SCALE, GAP = 0.7, 1.5, 0.8, -2.0

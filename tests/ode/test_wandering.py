@@ -7,7 +7,7 @@ from scipy.stats import norm, uniform
 
 import hybridsurrogate as hs
 from hybridsurrogate.numerics import hilbert
-from hybridsurrogate.ode.wandering import WanderingParameter
+from hybridsurrogate.ode.dynamics import WanderingParameter
 
 DECAY = hs.OdeSimulator(
     lambda t, state, rate: -rate * state,

@@ -7,7 +7,7 @@ import pytest
 from scipy import optimize, special
 
 from hybridsurrogate.likelihoods import Normal
-from hybridsurrogate.prediction.intervals import central_interval
+from hybridsurrogate.prediction.mixture import central_interval
 
 N_ROWS, N_DRAWS = 60, 400
 

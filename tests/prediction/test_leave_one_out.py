@@ -11,7 +11,7 @@ from scipy.stats import multivariate_normal, uniform
 from sklearn.base import clone
 
 import hybridsurrogate as hs
-from hybridsurrogate.prediction.cavity import without_each
+from hybridsurrogate.prediction.leave_one_out import without_each
 
 LINE = hs.PolynomialChaos(1)
 

@@ -9,7 +9,7 @@ from few_kinds import all_but
 
 import hybridsurrogate as hs
 from hybridsurrogate.simulation.arrays import complete_table
-from hybridsurrogate.simulation.files.measured_table import with_levels
+from hybridsurrogate.simulation.table_file import with_levels
 
 NAMES = ["t", "weekday of day", "weekend of day", "month of day"]
 

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 import hybridsurrogate as hs
-from hybridsurrogate.simulation.calls import output_cache
-from hybridsurrogate.simulation.calls.output_cache import OutputCache
+from hybridsurrogate.simulation import evaluation
+from hybridsurrogate.simulation.evaluation import OutputCache
 
 INPUTS, RATE = {"t": (0, 10)}, {"rate": hs.truncated_normal(0.5, 0.2, 0.1, 1)}
 T, OMEGA = np.array([0.5, 2.0, 4.0, 8.0]), np.array([0.2, 0.4, 0.6, 0.8])
@@ -163,7 +163,7 @@ class TestOutputCache:
 
     def test_memory_of_all_caches_is_bounded(self, monkeypatch):
         """A diagnosis of an ODE had a table for each cause in each fold, 8 GB together."""
-        monkeypatch.setattr(output_cache, "_BYTES_OF_ALL", 3 * 4096)
+        monkeypatch.setattr(evaluation, "_BYTES_OF_ALL", 3 * 4096)
         caches, points = [OutputCache(n_bytes=4096) for _ in range(9)], np.eye(3)
         for cache in [*caches, caches[0], caches[8]]:
             found = cache.outputs(lambda rows: rows.sum(axis=1), points)
@@ -207,7 +207,7 @@ def test_a_search_calls_a_row_once():
 )
 def test_a_quick_function_is_called_again_and_a_slow_one_is_not(monkeypatch, seconds, calls):
     clock = iter(np.cumsum(np.column_stack([np.zeros(3), seconds]).ravel()))
-    monkeypatch.setattr(output_cache, "perf_counter", lambda: next(clock))
+    monkeypatch.setattr(evaluation, "perf_counter", lambda: next(clock))
     cache, asked = OutputCache(), []
 
     def function(points):

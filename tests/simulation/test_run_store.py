@@ -221,7 +221,7 @@ def test_names_of_runs_may_be_words():
 
 def test_runs_on_disk_are_not_copied_into_memory_and_fit_the_same(tmp_path, monkeypatch):
     # some rows at a time, and not a multiple of them
-    monkeypatch.setattr("hybridsurrogate.numerics.blocks.blocks.__defaults__", (500,))
+    monkeypatch.setattr("hybridsurrogate.numerics.linear_algebra.blocks.__defaults__", (500,))
     monkeypatch.setattr("hybridsurrogate.model.statistics.LARGE_BLOCK", 700)
     rng = np.random.default_rng(0)
     t, rate = rng.uniform(0, 10, 1001), rng.uniform(0.1, 0.5, 1001)

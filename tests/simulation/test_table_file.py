@@ -4,7 +4,7 @@ import pandas as pd
 import pytest
 
 import hybridsurrogate as hs
-from hybridsurrogate.simulation.files.table_file import read_csv
+from hybridsurrogate.simulation.table_file import read_csv
 
 TABLE = pd.DataFrame({"a": [1.0, 2.0], "b": [3.0, 4.0], "y": [5.0, 6.0]})
 

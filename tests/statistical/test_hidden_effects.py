@@ -17,7 +17,7 @@ from hidden_effects.forms import KINDS
 from hidden_effects.rates import judge
 
 import hybridsurrogate as hs
-from hybridsurrogate.diagnosis.answers.table import form_of
+from hybridsurrogate.diagnosis.answers.finding import form_of
 from hybridsurrogate.diagnosis.search.context import SearchContext
 from hybridsurrogate.diagnosis.search.search import search
 from hybridsurrogate.diagnosis.search.setup import prepare, trained_emulator

@@ -7,7 +7,7 @@ from scipy.stats import qmc, uniform
 import hybridsurrogate as hs
 from hybridsurrogate.emulators.conditioned import krige
 from hybridsurrogate.model.statistics import EmulatorPosterior
-from hybridsurrogate.surrogates.domain import Domain
+from hybridsurrogate.surrogates.basis import Domain
 
 NAMES = (
     "Borehole", "CantileverBeam2D", "Cheng2D", "DampedOscillator", "DetteExp", "Flood", "Franke1",

@@ -10,7 +10,7 @@ from shared_files import shared_path
 
 import hybridsurrogate as hs
 from hybridsurrogate.command_line.main import main as command_line
-from hybridsurrogate.diagnosis.answers.table import form_of
+from hybridsurrogate.diagnosis.answers.finding import form_of
 from hybridsurrogate.diagnosis.search.setup import prepare
 
 

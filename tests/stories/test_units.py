@@ -10,7 +10,7 @@ from scipy import stats
 import hybridsurrogate as hs
 from hybridsurrogate.effects.base import Context
 from hybridsurrogate.inference.procedure import make_target
-from hybridsurrogate.inference.sampling.initial_points import starting_points
+from hybridsurrogate.inference.sampling.modes import starting_points
 from hybridsurrogate.model.problem import make_problem, spread
 
 PRIORS = {"vmax": stats.uniform(2, 6), "km": stats.uniform(0.1, 0.6)}

@@ -5,7 +5,7 @@ from scorecard import run
 from tide import FRAME, context_of
 
 from hybridsurrogate.catalogue import catalogue
-from hybridsurrogate.diagnosis.answers.table import form_of
+from hybridsurrogate.diagnosis.answers.finding import form_of
 from hybridsurrogate.effects.base import NOISE_SD
 
 

@@ -10,7 +10,7 @@ from sklearn.base import clone
 import hybridsurrogate as hs
 from hybridsurrogate import surrogates
 from hybridsurrogate.surrogates import SURROGATES, Domain
-from hybridsurrogate.surrogates.base import register
+from hybridsurrogate.surrogates.basis import register
 
 RNG = np.random.default_rng(4)
 INPUTS, PARAMETERS = np.array([[0.0, 4.0], [-1.0, 1.0]]), np.array([[10.0, 20.0]])

@@ -5,7 +5,7 @@ import pytest
 from scipy.stats import uniform
 
 import hybridsurrogate as hs
-from hybridsurrogate.surrogates.domain import Domain
+from hybridsurrogate.surrogates.basis import Domain
 from hybridsurrogate.surrogates.families.stacked import built_for_each
 
 

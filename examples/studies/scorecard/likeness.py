@@ -11,7 +11,7 @@ from hidden_effects.cases import Case
 
 import hybridsurrogate as hs
 from hybridsurrogate.diagnosis.search.context import SearchContext
-from hybridsurrogate.diagnosis.search.screening import best_modes
+from hybridsurrogate.diagnosis.search.search import best_modes
 
 # neither says what the curve is: nothing is wrong, or a curve of any shape
 _NAMELESS = ("none", "unexplained")

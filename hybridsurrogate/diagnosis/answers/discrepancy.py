@@ -9,12 +9,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from hybridsurrogate.diagnosis.search.local_prediction import (
+from hybridsurrogate.diagnosis.search.search import (
+    Search,
     local_posterior,
     measured_and_other,
     predict_locally,
 )
-from hybridsurrogate.diagnosis.search.search import Search
 from hybridsurrogate.effects.base import Cause
 from hybridsurrogate.types import FloatArray
 

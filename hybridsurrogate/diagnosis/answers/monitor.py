@@ -26,9 +26,8 @@ from hybridsurrogate.diagnosis.search.search import Search
 from hybridsurrogate.estimators.averaged import AveragedSurrogate
 from hybridsurrogate.estimators.power_scaled import PowerScaledSurrogate
 from hybridsurrogate.likelihoods import Likelihood, TransformedNormal
-from hybridsurrogate.model.rows.measured_rows import without_gaps
-from hybridsurrogate.model.rows.row_errors import new_errors
-from hybridsurrogate.numerics.blocks import blocks
+from hybridsurrogate.model.rows.measured_data import new_errors, without_gaps
+from hybridsurrogate.numerics.linear_algebra import blocks
 from hybridsurrogate.simulation.arrays import as_numbers, complete_table
 from hybridsurrogate.types import FloatArray
 

@@ -1,9 +1,10 @@
-"""Reasons to doubt a verdict: each stands in the first lines of the report and is a warning."""
+"""Reasons to doubt a verdict, and the thresholds from which checks report them."""
 
 from __future__ import annotations
 
 import warnings
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import NamedTuple
 
 from hybridsurrogate.exceptions import DiagnosisWarning
@@ -35,3 +36,107 @@ def warn_of(cautions: Sequence[Caution], stacklevel: int) -> None:
     """
     for one in cautions:
         warnings.warn(one.sentence, DiagnosisWarning, stacklevel=stacklevel)
+
+
+@dataclass(frozen=True)
+class CheckSettings:
+    """Numbers of the checks before and after a search.
+
+    Attributes
+    ----------
+    least_rows : int
+        Measured rows that a diagnosis needs.
+    runs_of_a_search, cost_of_a_fold, slow_search, slow_run, timed_runs, gain_of_many : numbers
+        Sets of parameters that a search runs (25 000 and 107 000 with five folds at two parameters
+        and 50 rows, 33 000 to 112 000 in other cases), those of a fold in shares of it, seconds
+        from which the user is warned, seconds of a set from which more are timed, and how many:
+        many at once may take hardly longer than two. None are where each of more takes a larger
+        share of what it took before: they run one after another.
+    fewest_rows : int
+        Rows that agree before they are reported: one or two may by chance where the output is
+        rounded.
+    near_floor : float
+        The search knows no noise below its floor; what a few times more leaves open is no better
+        known.
+    mirrored : float
+        Cosine between what is measured and simulated from which the sign looks wrong; the best fit
+        of parameters has moved it towards zero.
+    copied, nearly_copied : float
+        A column whose correlation with the output is so little below one is the output; one above
+        the second looks like it.
+    most_outside, mostly : float
+        Share of the rows outside a simulated range from which nothing is diagnosed; share within
+        by which another unit, or an exchange of columns, explains it.
+    as_wide : float
+        A unit that fills this share of what another unit fills of the range is as likely.
+    gain_of_exchange : float
+        Rows (as a share, of two columns together) that an exchange must bring into the ranges.
+    narrow : float
+        Share of the simulated range below which rows that lie within may be in another unit.
+    much_better, about_as_good : float
+        Noise that other columns must leave at most, in shares of that with those given and of that
+        with the best cause.
+    same_shape, far_gain, near_unit : float
+        Cosine between measured and simulated output, and the factor between them from which the
+        unit looks wrong; a factor this near a unit's, in logarithms, is called by its name.
+    far_shift, near_shift : float
+        Spreads of the output: how far it must be shifted, and how near a shift of degrees.
+    draws_compared : int
+        Draws of the priors that are compared with the output.
+    carried_by_two : float
+        Share of what a cause explains from which two rows carry it.
+    far_off, most_far_off : float
+        Robust standard deviations of the residuals beyond which a row is far off, and the share of
+        the rows that may be without being a pattern.
+    large_jump : float
+        Jumps of this share of the noise hide effects.
+    correlated : float
+        Correlation from which an estimate's variance is more than five times what it were with the
+        parameter known.
+    unknown : float
+        Share of its prior's width that a parameter keeps where data inform it little.
+    shared : float
+        Share of the cause's curve below which only part of it, such as its level, goes with the
+        parameter.
+    curve_draws, derivative_step : int, float
+        Draws that suffice for a mean curve, and the share of a posterior standard deviation by
+        which a parameter is moved for its derivative.
+    """
+
+    least_rows: int = 8
+    runs_of_a_search: int = 30_000
+    cost_of_a_fold: float = 0.65
+    slow_search: float = 150.0
+    slow_run: float = 0.001
+    timed_runs: tuple[int, ...] = (2, 8, 200)
+    gain_of_many: float = 0.6
+    fewest_rows: int = 3
+    near_floor: float = 3.0
+    mirrored: float = 0.7
+    copied: float = 1e-9
+    nearly_copied: float = 0.9999
+    most_outside: float = 0.5
+    mostly: float = 0.9
+    as_wide: float = 0.8
+    gain_of_exchange: float = 0.3
+    narrow: float = 0.05
+    much_better: float = 0.5
+    about_as_good: float = 2.0
+    same_shape: float = 0.9
+    far_gain: float = 5.0
+    near_unit: float = 0.15
+    far_shift: float = 3.0
+    near_shift: float = 1.0
+    draws_compared: int = 64
+    carried_by_two: float = 0.9
+    far_off: float = 10.0
+    most_far_off: float = 0.02
+    large_jump: float = 0.25
+    correlated: float = 0.9
+    unknown: float = 0.5
+    shared: float = 0.5
+    curve_draws: int = 200
+    derivative_step: float = 0.05
+
+
+SETTINGS = CheckSettings()

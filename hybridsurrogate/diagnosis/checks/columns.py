@@ -15,8 +15,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike
 
-from hybridsurrogate.diagnosis.checks.caution import Caution
-from hybridsurrogate.diagnosis.checks.settings import SETTINGS
+from hybridsurrogate.diagnosis.checks.caution import SETTINGS, Caution
 from hybridsurrogate.diagnosis.search.candidate import Candidate
 from hybridsurrogate.diagnosis.search.search import Search
 from hybridsurrogate.model.problem import Problem

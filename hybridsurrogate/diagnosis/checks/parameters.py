@@ -1,20 +1,27 @@
-"""What a diagnosis can work with."""
+"""What a diagnosis can work with, and which causes and parameters the data cannot separate.
+
+A cause whose curve a parameter can draw as well is known only together with it: the data fix the
+sum, and the priors how it is split.
+"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from numbers import Integral, Real
 from typing import Any
 
 import numpy as np
+import pandas as pd
 from sklearn.utils import check_scalar
 
-from hybridsurrogate.arguments.scalars import check_flag, check_n_jobs, check_number
-from hybridsurrogate.diagnosis.checks.settings import SETTINGS
+from hybridsurrogate.arguments import check_flag, check_n_jobs, check_number
+from hybridsurrogate.diagnosis.checks.caution import SETTINGS
 from hybridsurrogate.effects.registry import kinds
 from hybridsurrogate.estimators.power_scaled import PowerScaledSurrogate, as_causes
 from hybridsurrogate.exceptions import did_you_mean
+from hybridsurrogate.model.posterior import Posterior
+from hybridsurrogate.priors import prior_sd
 from hybridsurrogate.types import FloatArray
 
 
@@ -43,7 +50,7 @@ def check_settings(
     if not listed or unknown:
         raise ValueError(
             f"exclude must be a sequence of kinds of the catalogue, got {exclude!r}; the kinds are "
-            f"{', '.join(kinds())}.{did_you_mean(unknown, kinds())}"
+            f"{', '.join(sorted(kinds()))}.{did_you_mean(unknown, kinds())}"
         )
     check_number(false_alarm_rate, "false_alarm_rate", Real)
     check_scalar(n_replicates, "n_replicates", Integral)
@@ -119,3 +126,137 @@ def check_diagnosable(estimator: Any) -> None:
                 f"A known effect has a shape that the data inform; {effect.name} has none: nothing "
                 "is compared in addition to it. Diagnose the estimator without it."
             )
+
+
+def confounding(
+    before: PowerScaledSurrogate, after: PowerScaledSurrogate, X: FloatArray
+) -> pd.DataFrame:
+    """Return how each cause of an extended model and each parameter depend on each other.
+
+    A parameter is not compared with a drift of itself: a drift needs a level to start from.
+
+    Parameters
+    ----------
+    before, after : PowerScaledSurrogate
+        Fitted; after has effects.
+    X : ndarray of shape (n, n_columns)
+        Measured rows, the simulation's inputs first.
+
+    Returns
+    -------
+    pandas.DataFrame
+        A row for each cause and parameter: cause, parameter, estimate (the cause's estimate that is
+        most correlated with the parameter), correlation (over the draws of the extended model),
+        shift (of the parameter's mean from before to after, in posterior standard deviations
+        after), width (of the parameter's posterior, in standard deviations of its prior) and
+        absorbed (share of the square of the cause's curve over the measured rows that a change of
+        the parameter alone can draw as well).
+    """
+    rows = []
+    last, first = after.posterior_, before.posterior_
+    derivatives = _derivatives(first, last, X)
+    names = list(last.model.parameters)
+    # the noise of several outputs and a remainder, which follow, are no causes
+    n = sum(effect.is_learned for effect in after.effects)
+    for k, cause in enumerate(last.model.effects[:n]):
+        if cause.replaces in names:  # it is the parameter itself, with a wider prior
+            continue
+        curve = _curve(first, last, k, X)
+        for j, name in enumerate(names):
+            if cause.target == name:
+                continue
+            omega = last.values[:, j]
+            shift = (omega.mean() - first.values[:, j].mean()) / max(omega.std(), 1e-300)
+            width = omega.std() / prior_sd(last.model.parameters[name])
+            estimate, correlation = _most_correlated(last.estimates(k), omega)
+            absorbed = _projected(curve, derivatives[j])
+            pair = cause.name, name, estimate
+            rows.append((*pair, correlation, float(shift), float(width), absorbed))
+    return pd.DataFrame(rows, columns=[*_COLUMNS])
+
+
+_COLUMNS = ("cause", "parameter", "estimate", "correlation", "shift", "width", "absorbed")
+
+
+def confounded(table: pd.DataFrame) -> pd.DataFrame:
+    """Return the rows of `confounding` in which the data cannot separate cause and parameter.
+
+    Their estimates are correlated, the parameter could draw most of the cause's curve, and it is
+    hardly better known than before the data: where both are known well in spite of the
+    correlation, the data did separate them.
+    """
+    correlated = table["correlation"].abs() >= SETTINGS.correlated
+    return table[
+        correlated & (table["width"] >= SETTINGS.unknown) & (table["absorbed"] >= SETTINGS.shared)
+    ]
+
+
+def sentences_on_parameters(table: pd.DataFrame) -> Iterator[str]:
+    """Yield a sentence for each row."""
+    for row in table.to_dict("records"):
+        name = row["parameter"]
+        yield (
+            f"The data cannot separate the cause {row['cause']} from the parameter {name}: the "
+            f"correlation of {row['estimate']} with {name} is {row['correlation']:.2f}. Given the "
+            f"cause, {name} is uncertain by {100 * row['width']:.0f} % of its prior standard "
+            f"deviation. Adding the cause moved {name} by {row['shift']:+.1f} posterior standard "
+            f"deviations. Without it, {name} could absorb {100 * row['absorbed']:.0f} % of the "
+            "cause's curve (a sum of squares). How the two share it depends on their priors."
+        )
+
+
+def _most_correlated(estimates: dict[str, FloatArray], omega: FloatArray) -> tuple[str, float]:
+    known = [(name, _correlation(draws, omega)) for name, draws in estimates.items()]
+    return max(known, key=lambda pair: abs(pair[1]), default=("", 0.0))
+
+
+def _correlation(a: FloatArray, b: FloatArray) -> float:
+    if min(np.ptp(a), np.ptp(b)) <= 0:
+        return 0.0
+    return float(np.corrcoef(a, b)[0, 1])
+
+
+def _projected(curve: FloatArray, direction: FloatArray) -> float:
+    """Return the share of the square of a curve that lies along a direction."""
+    square = float(curve @ curve) * float(direction @ direction)
+    return float(curve @ direction) ** 2 / square if square > 0 else 0.0
+
+
+def _curve(before: Posterior, after: Posterior, position: int, X: FloatArray) -> FloatArray:
+    """Return what one cause adds to eta at rows X, averaged over draws, (n,)."""
+    index = np.linspace(0, after.n_draws - 1, min(after.n_draws, SETTINGS.curve_draws)).astype(int)
+    draws, model = after.take(index), after.model
+    others = [effect for k, effect in enumerate(model.effects) if k != position]
+    theta = np.array([owner != position for owner, _ in model.theta_names], dtype=bool)
+    columns = np.array([owner != position for owner, _ in model.column_names], dtype=bool)
+    d = model.n_parameters
+    # what follows the theta are the surrogate's hyperparameters
+    kept = [draws.values[:, :d], draws.values[:, d : d + len(theta)][:, theta]]
+    without = Posterior(
+        # a model whose dynamics a cause has changed cannot be had without it: start from before
+        before.model.with_effects(others),
+        after.likelihood,
+        np.hstack([*kept, draws.values[:, d + len(theta) :]]),
+        draws.sigma,
+        draws.coefficients,
+        draws.effect_coefficients[:, columns],
+    )
+    return np.mean(draws.eta(X)[0] - without.eta(X)[0], axis=0)
+
+
+def _derivatives(before: Posterior, after: Posterior, X: FloatArray) -> FloatArray:
+    """Return the derivatives of the simulation at rows X with respect to each parameter, (d, n)."""
+    d = after.model.n_parameters
+    hyper = before.values[:, d:].mean(axis=0)
+    centre = np.concatenate([after.values[:, :d].mean(axis=0), hyper])
+    step = SETTINGS.derivative_step * after.values[:, :d].std(axis=0)
+    points = np.repeat(centre[None], 2 * d, axis=0)
+    points[np.arange(d), np.arange(d)] += step
+    points[d + np.arange(d), np.arange(d)] -= step
+    n = len(points)
+    coefficients = np.repeat(after.coefficients.mean(axis=0)[None], n, axis=0)
+    at = Posterior(
+        before.model, after.likelihood, points, np.ones(n), coefficients, np.empty((n, 0))
+    )
+    eta = at.eta(X)[0] if d else np.empty((0, len(X)))
+    return eta[:d] - eta[d:]

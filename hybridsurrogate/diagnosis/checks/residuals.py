@@ -1,11 +1,18 @@
-"""Whether what a model leaves of the measured rows looks like noise: posterior predictive checks.
+"""Whether what a model leaves of the measured rows looks like noise, and how sure a name is.
 
 Replicates of noise are fitted by the linearised model as the measured rows were, so that the
 freedom of the fit is in what they leave, too.
+
+The probabilities of a search suppose that the true cause is in the catalogue. No test of the data
+can name a curve that fits as well. How often that misleads was counted on
+blind cases with their kind in the catalogue and with it taken out, alone and together with a
+further, smaller fault. Each is as frequent as among measured data sets. A logistic regression on
+them predicts how often the most probable cause is the right one.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
@@ -14,13 +21,14 @@ from scipy import fft
 
 from hybridsurrogate.diagnosis.search.candidate import Candidate
 from hybridsurrogate.diagnosis.search.forward_selection import SearchStep
-from hybridsurrogate.diagnosis.search.local_prediction import (
+from hybridsurrogate.diagnosis.search.search import (
+    Search,
     local_posterior,
     measured_and_other,
     size_of,
 )
-from hybridsurrogate.diagnosis.search.search import Search
 from hybridsurrogate.simulation.outputs import OUTPUT
+from hybridsurrogate.studied import STUDIED
 from hybridsurrogate.types import FloatArray
 
 _REPLICATES = 999
@@ -156,3 +164,42 @@ _OVER_COLUMN: Mapping[str, Callable[[FloatArray], FloatArray]] = {
     "curve": _curve,
     "spread": _spread,
 }
+
+
+# of the measured data sets with a documented cause (docs/evidence/measured_data.md) some had one
+# that the catalogue does not hold; coefficients of one, of the log odds within the catalogue, and
+# of residual structure. In tenfold cross-validation the latter gains 0.014 (standard error 0.007)
+# in the mean log score; the probability of a remainder gains 0.006 (0.006) more, the residuals'
+# p-value, the rows and the evidence against a smooth curve no more than their standard error
+_FOUND = STUDIED["probability_right"]
+NOT_HELD, DOCUMENTED, N_CASES = (_FOUND[name] for name in ("not_held", "documented", "n_cases"))
+_ONE, _ODDS, _STRUCTURE = (_FOUND[name] for name in ("one", "odds", "structure"))
+# log odds beyond it are all the same: no case was surer
+_SUREST = 9.2
+
+
+def probability_right(share: float, has_residual_structure: bool) -> float:
+    """Return the probability that the most probable cause is right, given that something is wrong.
+
+    Parameters
+    ----------
+    share : float
+        Probability of its kind within the catalogue, given that something is wrong.
+    has_residual_structure : bool
+        Whether the verdict is "nearest".
+
+    Returns
+    -------
+    float
+        Never more than ``share``.
+
+    Examples
+    --------
+    >>> sure, unsure = probability_right(0.99, False), probability_right(0.6, False)
+    >>> unsure < sure < 0.99
+    True
+    """
+    odds = math.log(share) - math.log1p(-share) if 0 < share < 1 else math.copysign(_SUREST, share)
+    odds = min(max(odds, -_SUREST), _SUREST)
+    total = _ONE + _ODDS * odds + _STRUCTURE * has_residual_structure
+    return min(share, 1 / (1 + math.exp(-total)))

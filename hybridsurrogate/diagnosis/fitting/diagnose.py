@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Sequence
 from contextlib import nullcontext
 from copy import deepcopy
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -13,37 +15,176 @@ from joblib import parallel_config
 from numpy.typing import ArrayLike
 from sklearn.base import clone
 
+from hybridsurrogate.diagnosis.answers.discrepancy import estimate_discrepancies
 from hybridsurrogate.diagnosis.answers.experimental_design import NextMeasurement, next_measurement
-from hybridsurrogate.diagnosis.answers.table import cause_table, not_reached
+from hybridsurrogate.diagnosis.answers.finding import cause_table, finding_of, not_reached
 from hybridsurrogate.diagnosis.checks.caution import Caution, warn_of
 from hybridsurrogate.diagnosis.checks.columns import doubtful_columns
-from hybridsurrogate.diagnosis.checks.cost import warn_if_slow
-from hybridsurrogate.diagnosis.checks.data import check_digits, copied_rows, exact, is_exact
-from hybridsurrogate.diagnosis.checks.dispersion import (
+from hybridsurrogate.diagnosis.checks.data import (
     cautions_of_dispersion,
     cautions_of_rounding,
+    check_digits,
+    copied_rows,
+    exact,
+    is_exact,
 )
-from hybridsurrogate.diagnosis.checks.emulator import check_emulator
-from hybridsurrogate.diagnosis.checks.parameters import check_each_output, check_rows
-from hybridsurrogate.diagnosis.checks.roughness import warn_if_rough
-from hybridsurrogate.diagnosis.fitting.conclusion import concluded, contradicted
-from hybridsurrogate.diagnosis.fitting.extension import extend, posteriors_of_mean
-from hybridsurrogate.diagnosis.fitting.result import DiagnosisResult, Settings
-from hybridsurrogate.diagnosis.search.context import InterruptedSearch
+from hybridsurrogate.diagnosis.checks.parameters import (
+    check_each_output,
+    check_rows,
+    confounded,
+    confounding,
+    sentences_on_parameters,
+)
+from hybridsurrogate.diagnosis.checks.simulation import check_emulator, warn_if_rough, warn_if_slow
+from hybridsurrogate.diagnosis.fitting.result import (
+    Conclusion,
+    DiagnosisResult,
+    Extension,
+    Settings,
+)
+from hybridsurrogate.diagnosis.fitting.verdict import concluded, contradicted
+from hybridsurrogate.diagnosis.search.context import InterruptedSearch, blurred, on_working_rows
 from hybridsurrogate.diagnosis.search.forward_selection import (
     SearchStep,
     forward_search,
+    searches,
 )
 from hybridsurrogate.diagnosis.search.search import Search
 from hybridsurrogate.diagnosis.search.setup import Prepared, prepare, trained_emulator
-from hybridsurrogate.diagnosis.search.working_rows import blurred, on_working_rows
-from hybridsurrogate.diagnosis.validation.progress import doing
-from hybridsurrogate.estimators.averaged import leading
+from hybridsurrogate.diagnosis.validation.beta_scan import BetaScans
+from hybridsurrogate.diagnosis.validation.cross_validation import (
+    cross_validated,
+    folds_beyond,
+    random_folds,
+)
+from hybridsurrogate.diagnosis.validation.gain import in_one_word
+from hybridsurrogate.diagnosis.validation.refit import (
+    Pair,
+    Refit,
+    accepted,
+    extended_estimator,
+    extended_simulator,
+)
+from hybridsurrogate.effects.base import Cause
+from hybridsurrogate.estimators.averaged import AveragedSurrogate, leading
 from hybridsurrogate.estimators.emulation import as_given
 from hybridsurrogate.estimators.power_scaled import PowerScaledSurrogate, as_causes
+from hybridsurrogate.exceptions import ConfoundingWarning
+from hybridsurrogate.inference.procedure import AtPriorEnd, at_prior_ends
+from hybridsurrogate.model.posterior import Posterior
 from hybridsurrogate.model.statistics import EmulatorPosterior
-from hybridsurrogate.numerics.threads import one_blas_thread
+from hybridsurrogate.notebook import doing
+from hybridsurrogate.numerics.linear_algebra import one_blas_thread
 from hybridsurrogate.types import FloatArray
+
+
+def with_gain(
+    result: DiagnosisResult, cv: int, n_jobs: int | None, progress: bool
+) -> DiagnosisResult:
+    """Return a result with the gain within the measured range and beyond it.
+
+    Parameters
+    ----------
+    result : DiagnosisResult
+    cv : int
+        Folds within the measured range.
+    n_jobs : int or None
+        Processes that share the folds.
+    progress : bool
+    """
+    before, settings = result.before, result.settings
+    X, y = before.measured_
+    kinds = in_one_word([cause.kind for cause in result.extension.found_causes])
+    refitted = Refit(
+        clone(before),
+        settings.causes,
+        settings.exclude,
+        searches(result.steps),
+        Pair(before, result.extension.estimator, kinds),
+        settings.max_causes,
+        settings.false_alarm_rate,
+    )
+    within = random_folds(len(y), cv, deepcopy(result.fold_random))
+    beyond = folds_beyond(before.simulation, X)
+    with one_blas_thread():
+        gain, out_of_range = cross_validated(
+            refitted, within, beyond, result.X, y, n_jobs, progress, result.weights, result.y_err
+        )
+    return replace(result, gain=gain, gain_out_of_range=out_of_range)
+
+
+def extend(
+    before: Any,
+    steps: Sequence[SearchStep],
+    conclusion: Conclusion,
+    kept: tuple[ArrayLike, ArrayLike],
+    weights: FloatArray | None,
+    y_err: FloatArray | None,
+    n_jobs: int | None,
+) -> Extension:
+    """Return the model after, with a `ConfoundingWarning` of what the data cannot separate.
+
+    Parameters
+    ----------
+    before : PowerScaledSurrogate
+        Fitted.
+    steps : sequence of SearchStep
+    conclusion : Conclusion
+    kept : (X, y)
+        A copy of what was measured, for later scans over the weight.
+    weights : ndarray of shape (n,) or None
+    y_err : ndarray of the shape of y, or None
+    n_jobs : int or None
+        For these scans.
+    """
+    causes, search = accepted(steps), steps[0].search
+    after = extended_estimator(before, steps)
+    found = leading(after)
+    outputs, first = before.simulation.outputs, steps[0].chosen.cause
+    bands = dict(zip(outputs, estimate_discrepancies(search, first), strict=True))
+    known = found.posterior_.model.effects[: len(as_causes(before.effects))]
+    simulator = extended_simulator(before.simulation.simulator, (*known, *causes), search.problem)
+    table = confounding(before, found, before.data_.single.X)
+    for sentence in sentences_on_parameters(confounded(table)):
+        warnings.warn(sentence, ConfoundingWarning, stacklevel=4)
+    return Extension(
+        estimator=after,
+        simulator=simulator,
+        found_causes=tuple(
+            finding_of(step, len(known) + k, found.posterior_, () if k else conclusion.same_curve)
+            for k, step in enumerate(steps)
+        ),
+        discrepancies=bands,
+        discrepancy=bands[(first and first.output) or outputs[0]],
+        confounded=table,
+        at_prior_end=_at_prior_end(causes, before, found, conclusion.verdict),
+        beta_scans=BetaScans((before, found), *kept, n_jobs, weights, y_err),
+    )
+
+
+def posteriors_of_mean(
+    before: Any,
+    after: PowerScaledSurrogate | AveragedSurrogate,
+    steps: Sequence[SearchStep],
+) -> list[Posterior]:
+    """Return the posterior before and, where the cause is in the mean, that after."""
+    causes = accepted(steps)
+    of_any_shape = any(cause.is_process for cause in causes)
+    found = [] if of_any_shape or not causes else [leading(after).posterior_]
+    return [before.posterior_, *found]
+
+
+def _at_prior_end(
+    causes: Sequence[Cause],
+    before: Any,
+    found: PowerScaledSurrogate,
+    verdict: str,
+) -> tuple[AtPriorEnd, ...]:
+    """Return what is at an end of its prior in the extended model, else in the calibrated."""
+    replaced = {cause.replaces for cause in causes}
+    first = at_prior_ends(before.posterior_) if verdict == "undecided" else []
+    every = {one.name: one for one in (*first, *at_prior_ends(found.posterior_))}
+    return tuple(one for name, one in every.items() if name not in replaced)
 
 
 class InterruptedDiagnosis(KeyboardInterrupt):

@@ -13,8 +13,8 @@ from hybridsurrogate.diagnosis.answers.discrepancy import Discrepancy
 from hybridsurrogate.diagnosis.answers.experimental_design import NextMeasurement
 from hybridsurrogate.diagnosis.answers.finding import CauseFinding
 from hybridsurrogate.diagnosis.checks.caution import Caution
-from hybridsurrogate.diagnosis.checks.emulator import EmulatorCheck
 from hybridsurrogate.diagnosis.checks.residuals import ResidualCheck
+from hybridsurrogate.diagnosis.checks.simulation import EmulatorCheck
 from hybridsurrogate.diagnosis.search.forward_selection import SearchStep
 from hybridsurrogate.diagnosis.search.null_test import NullTest
 from hybridsurrogate.diagnosis.search.search import Search
@@ -23,7 +23,7 @@ from hybridsurrogate.diagnosis.validation.gain import HeldOutGain
 from hybridsurrogate.effects.base import Cause
 from hybridsurrogate.estimators.averaged import AveragedSurrogate
 from hybridsurrogate.estimators.power_scaled import PowerScaledSurrogate
-from hybridsurrogate.inference.prior_ends import AtPriorEnd
+from hybridsurrogate.inference.procedure import AtPriorEnd
 from hybridsurrogate.simulation.simulator import Simulator
 from hybridsurrogate.types import FloatArray
 

@@ -14,7 +14,7 @@ from hybridsurrogate.diagnosis.search.candidate import Candidate
 from hybridsurrogate.diagnosis.search.forward_selection import SearchStep
 from hybridsurrogate.diagnosis.search.search import Search
 from hybridsurrogate.inference.evidence.marginal_likelihood import scan
-from hybridsurrogate.inference.prior_ends import at_prior_ends
+from hybridsurrogate.inference.procedure import at_prior_ends
 from hybridsurrogate.types import FloatArray
 
 # halved and doubled, as in power scaling (Kallioinen and others 2024, Statistics and Computing

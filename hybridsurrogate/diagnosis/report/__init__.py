@@ -1,7 +1,7 @@
 """The report of a diagnosis.
 
-report (text, HTML, JSON), html, mathml, text and summary (how it is written); rooms: first_screen
-(what a reader sees first), details (the folded sections), elements (what both are made of).
+report (text, HTML, JSON), html, text and summary (how it is written); headline, cards and picture
+(what a reader sees first); rooms: details (the folded sections), elements (what both are made of).
 """
 
 from hybridsurrogate.diagnosis.report.report import Report, make_report

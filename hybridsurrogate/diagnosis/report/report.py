@@ -11,9 +11,10 @@ from functools import partial
 from html import escape
 from typing import Any
 
-from hybridsurrogate.arguments.paths import local_path
+from hybridsurrogate.arguments import local_path
 from hybridsurrogate.diagnosis.fitting.result import DiagnosisResult
 from hybridsurrogate.diagnosis.report import html, text
+from hybridsurrogate.diagnosis.report.cards import advice, cards
 from hybridsurrogate.diagnosis.report.details import (
     checks,
     evidence,
@@ -25,13 +26,11 @@ from hybridsurrogate.diagnosis.report.details import (
     provenance,
     weight,
 )
-from hybridsurrogate.diagnosis.report.details.cautions import cautions
+from hybridsurrogate.diagnosis.report.details.checks import cautions
 from hybridsurrogate.diagnosis.report.elements.section import FirstScreen, Picture, Section
 from hybridsurrogate.diagnosis.report.elements.view import View, view_of
-from hybridsurrogate.diagnosis.report.first_screen.advice import advice
-from hybridsurrogate.diagnosis.report.first_screen.cards import cards
-from hybridsurrogate.diagnosis.report.first_screen.headline import headline, lead, subject
-from hybridsurrogate.diagnosis.report.first_screen.picture import Test, picture
+from hybridsurrogate.diagnosis.report.headline import headline, lead, subject
+from hybridsurrogate.diagnosis.report.picture import Test, picture
 from hybridsurrogate.diagnosis.report.summary import summary
 from hybridsurrogate.diagnosis.validation.gain import HeldOutGain, gain_on
 from hybridsurrogate.numerics.atomic_file import check_writable, written_whole

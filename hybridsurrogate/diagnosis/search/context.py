@@ -1,4 +1,11 @@
-"""What a search looks at, and how one model is fitted to it: climbs, noise, a finer grid."""
+"""What a search looks at, and how one model is fitted to it: climbs, noise, a finer grid.
+
+Screening needs normal rows. Around the fit without a cause, rows of any likelihood are replaced by
+those of one step of Fisher scoring: a working response and a noise of each row, of which the latter
+does not depend on what was measured. Measured and replicated data meet the same approximation, so
+that a p-value is right whatever it neglects; the most probable causes are scored by the likelihood
+(`exact_scores.py`).
+"""
 
 from __future__ import annotations
 
@@ -20,11 +27,66 @@ from hybridsurrogate.inference.evidence.linearised import (
 )
 from hybridsurrogate.inference.evidence.marginal_likelihood import LocalMode, optimise, scan
 from hybridsurrogate.inference.evidence.settings import SETTINGS
-from hybridsurrogate.model.observation import MeasuredModel
+from hybridsurrogate.model.observation import MeasuredModel, WorkingPoint
+from hybridsurrogate.model.posterior import Posterior
 from hybridsurrogate.model.problem import Problem
 from hybridsurrogate.model.statistics import EmulatorPosterior
 from hybridsurrogate.priors import to_normal
 from hybridsurrogate.types import FloatArray
+
+# noise of data that have none, for a search: well above what it cannot see (`context.FLOOR`)
+BLUR = 1e-5
+
+
+def on_working_rows(problem: Problem, posterior: Posterior) -> Problem:
+    """Return the problem as a search sees it: the same where rows are normal and alike.
+
+    Parameters
+    ----------
+    problem : Problem
+        Without effects.
+    posterior : Posterior
+        Of the estimator without effects.
+    """
+    if problem.likelihood.gaussian:
+        return _with_weights(problem)
+    eta, noise = posterior.eta(problem.X)
+    eta = np.mean(eta[np.isfinite(eta).all(axis=1)], axis=0)
+    factor = problem.model.known_noise(problem.X)
+    draws = np.median(noise / factor, axis=1)
+    point = WorkingPoint(problem.likelihood, eta, float(np.median(draws)), draws, factor)
+    model = replace(problem.model, has_row_noise=True)
+    X = np.column_stack([problem.X, np.ones(len(eta))])
+    return expanded(replace(problem, model=model, X=X), point)
+
+
+def _with_weights(problem: Problem) -> Problem:
+    """Return a problem whose rows have a variance of sigma^2 over their weight.
+
+    N(y; m, sigma^2)^w is N(y; m, sigma^2 / w) but for a factor, which would make w measurements of
+    one: a curve through each row would then leave no noise at all.
+    """
+    if np.all(problem.weights == 1.0):
+        return problem
+    model = replace(problem.model, has_row_noise=True)
+    return replace(problem, model=model, X=np.column_stack([problem.X, problem.weights**-0.5]))
+
+
+def expanded(problem: Problem, point: WorkingPoint) -> Problem:
+    """Return a problem whose rows carry their noise, expanded at a point."""
+    X = problem.X.copy()
+    X[:, -1] = point.noise() / np.sqrt(problem.weights)
+    return replace(problem, X=X, y=point.response(problem.observed), working_point=point)
+
+
+def blurred(problem: Problem) -> Problem:
+    """Return the problem with a little noise in the output, for data that have none.
+
+    Where residuals are rounding, their tails and their order mean nothing.
+    """
+    noise = np.random.RandomState(0).standard_normal(len(problem.y))
+    return replace(problem, y=problem.y + BLUR * problem.scale * noise)
+
 
 # noise below this share of the output's scale is rounding
 FLOOR = 1e-6

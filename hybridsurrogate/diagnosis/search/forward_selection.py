@@ -10,13 +10,10 @@ from scipy import special
 
 from hybridsurrogate.diagnosis.search.candidate import Candidate, prior_of
 from hybridsurrogate.diagnosis.search.context import Fitted, InterruptedSearch, SearchContext
-from hybridsurrogate.diagnosis.search.exact_scores import scored, screened_at_best
-from hybridsurrogate.diagnosis.search.joint_refit import placed_together
-from hybridsurrogate.diagnosis.search.local_prediction import draw_the_same
-from hybridsurrogate.diagnosis.search.noise_of_outputs import at_best_noise
+from hybridsurrogate.diagnosis.search.exact_scores import placed_together, scored, screened_at_best
 from hybridsurrogate.diagnosis.search.null_test import NullTest, evidence_bound, null_test
-from hybridsurrogate.diagnosis.search.processes import with_processes
-from hybridsurrogate.diagnosis.search.search import Search, search
+from hybridsurrogate.diagnosis.search.processes import at_best_noise, with_processes
+from hybridsurrogate.diagnosis.search.search import Search, draw_the_same, search
 from hybridsurrogate.effects.base import Cause, Nothing
 from hybridsurrogate.inference.evidence.grid import make_grid
 from hybridsurrogate.inference.evidence.settings import SETTINGS

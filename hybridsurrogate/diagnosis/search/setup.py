@@ -13,24 +13,23 @@ from scipy.spatial import cKDTree
 from sklearn.base import clone
 
 from hybridsurrogate.catalogue import Skipped, catalogue
-from hybridsurrogate.diagnosis.search.noise_of_outputs import at_noise_of
-from hybridsurrogate.effects.axis import position_among
+from hybridsurrogate.diagnosis.search.processes import at_noise_of
 from hybridsurrogate.effects.base import Cause, Context
-from hybridsurrogate.effects.in_output import prepared_for
-from hybridsurrogate.effects.noise.known_errors import Jitter
-from hybridsurrogate.effects.noise.shared_errors import SharedErrors
+from hybridsurrogate.effects.context import position_among
+from hybridsurrogate.effects.noise.known_errors import Jitter, SharedErrors
 from hybridsurrogate.effects.parameters.parameter_by_experiment import ParameterByExperiment
+from hybridsurrogate.effects.wrapped import prepared_for
 from hybridsurrogate.emulators.conditioned import krige
 from hybridsurrogate.estimators.power_scaled import FitTask, PowerScaledSurrogate, as_causes
 from hybridsurrogate.exceptions import DiagnosisWarning
-from hybridsurrogate.inference.prior_ends import at_prior_ends
+from hybridsurrogate.inference.procedure import at_prior_ends
+from hybridsurrogate.model.context import check_effects
 from hybridsurrogate.model.posterior import Posterior
 from hybridsurrogate.model.problem import Problem
 from hybridsurrogate.model.statistics import (
     EmulatorPosterior,
     emulator_posterior,
 )
-from hybridsurrogate.model.validation import check_effects
 from hybridsurrogate.priors import to_normal
 from hybridsurrogate.simulation.arrays import is_whole
 from hybridsurrogate.simulation.simulator import SimulationData

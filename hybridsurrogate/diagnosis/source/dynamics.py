@@ -6,8 +6,12 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from hybridsurrogate.diagnosis.source.extended_model import ExtendedModel
-from hybridsurrogate.diagnosis.source.parts import SourceParts, arguments_of, call_values_of
+from hybridsurrogate.diagnosis.source.parts import (
+    ExtendedModel,
+    SourceParts,
+    arguments_of,
+    call_values_of,
+)
 from hybridsurrogate.diagnosis.source.text import call, definition, keywords, text_of, tuple_of
 
 # methods of the module by those of the simulator; others are scipy's own

@@ -6,12 +6,14 @@ import textwrap
 from collections.abc import Mapping
 
 from hybridsurrogate.diagnosis.source.dynamics import varying_in
-from hybridsurrogate.diagnosis.source.extended_model import ExtendedModel, FittedCause, link_of
 from hybridsurrogate.diagnosis.source.parts import (
+    ExtendedModel,
+    FittedCause,
     SourcePart,
     SourceParts,
     arguments_of,
     call_values_of,
+    link_of,
     own_arguments,
     placeholders,
 )

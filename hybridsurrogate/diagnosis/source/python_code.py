@@ -3,19 +3,23 @@
 from __future__ import annotations
 
 import sys
+import textwrap
 from collections.abc import Mapping, Sequence
 from numbers import Integral
 
 import numpy as np
 
-from hybridsurrogate.arguments.description import described
+from hybridsurrogate.arguments import described
 from hybridsurrogate.diagnosis.fitting.result import DiagnosisResult
-from hybridsurrogate.diagnosis.source.docstring import docstring
 from hybridsurrogate.diagnosis.source.dynamics import dynamics
-from hybridsurrogate.diagnosis.source.extended_model import ExtendedModel, FittedCause
 from hybridsurrogate.diagnosis.source.functions import extended_function, function_of
-from hybridsurrogate.diagnosis.source.helpers import HELPERS
-from hybridsurrogate.diagnosis.source.parts import SourceParts
+from hybridsurrogate.diagnosis.source.parts import (
+    ExtendedModel,
+    FittedCause,
+    SourceParts,
+    own_arguments,
+)
+from hybridsurrogate.diagnosis.source.text import WIDTH, inline
 from hybridsurrogate.estimators.averaged import AveragedSurrogate, leading
 from hybridsurrogate.exceptions import did_you_mean
 from hybridsurrogate.model.posterior import Posterior
@@ -25,6 +29,95 @@ from hybridsurrogate.ode.simulator import OdeSimulator
 from hybridsurrogate.simulation.outputs import OUTPUT
 from hybridsurrogate.simulation.simulator import Simulator
 from hybridsurrogate.types import FloatArray
+
+
+def docstring(model: ExtendedModel, parts: SourceParts) -> str:
+    """Return the docstring, quotes included."""
+    outputs = listing(list(model.outputs))
+    causes = [one.cause for one in model.causes if one.cause.is_learned]
+    found = [cause.name for cause in causes if cause.changes_output]
+    what = f"extended by {listing(found)}" if found else "as it is, its parameters estimated"
+    call = listing([*own_arguments(parts), *parts.columns.values()]) if parts.columns else ""
+    noise = [part for part in parts.coded if part.code.does == "scatters"]
+    text = [f"{outputs[:1].upper()}{outputs[1:]} of the simulation {model.name}, {what}."]
+    text += list(model.about)
+    others = [cause.name for cause in causes if not cause.changes_output]
+    if others:
+        text.append(f"Of the measurements, and not in the simulation: {listing(others)}.")
+    text += [f"{p.function} is how measurements scatter around it." for p in noise]
+    if parts.link:
+        scale = "logarithm" if parts.link == "log" else "log odds"
+        text.append(f"Causes act on the {scale} of the output.")
+    text.append(f"The function extended takes {call}.")
+    text.append(
+        "Its defaults are posterior means, with 90 % intervals; in brackets are units, where a "
+        "name stands for the unit of what it names."
+    )
+    lines = [line for each in text for line in [*textwrap.wrap(inline(each), WIDTH), ""]]
+    if parts.estimates:
+        width = max(len(name) for name, _, _ in parts.estimates)
+        table = [f"    {n:{width}}  {known} {unit}".rstrip() for n, known, unit in parts.estimates]
+        lines += [*table, ""]
+    if model.functions:
+        given = [
+            *(name for name, _ in model.functions),
+            *own_arguments(parts)[len(model.functions) :],
+        ]
+        lines += [f"    from {module} import {name}" for name, module in model.functions]
+        lines += ["", f"    extended({', '.join([*given, *parts.columns.values()])})", ""]
+    lines += [*textwrap.wrap(inline(model.written_by), WIDTH), ""] if model.written_by else []
+    return '"""' + "\n".join(_first_alone(lines, model.name)[:-1]).rstrip('"') + '\n"""'
+
+
+def _first_alone(lines: list[str], name: str) -> list[str]:
+    """Return lines of a docstring of which the first is no longer than a line."""
+    return lines if lines.index("") == 1 else [f"An extension of {inline(name)[:60]}.", "", *lines]
+
+
+HELPERS = {
+    "rows": '''def rows(*values):
+    """Return values as arrays of floats of one shape."""
+    values = np.broadcast_arrays(*(np.atleast_1d(value) for value in values))
+    return [np.array(value, dtype=float) for value in values]''',
+    "by_name": '''def by_name(values, axis=-1):
+    """Return outputs by name, from a dict, a list or an array with outputs along an axis."""
+    if isinstance(values, dict):
+        return {name: values[name] for name in OUTPUTS}
+    if not isinstance(values, tuple | list):
+        values = np.moveaxis(np.asarray(values), axis, 0)
+    return dict(zip(OUTPUTS, values, strict=True))''',
+    "logistic": '''def logistic(x):
+    """Return 1 / (1 + exp(-x)), which does not overflow here."""
+    return (1 + np.tanh(x / 2)) / 2''',
+    "each_row": '''def each_row(simulation, **values):
+    """Run a simulation that takes numbers once for each row."""
+    rows_of = zip(*(np.ravel(value).tolist() for value in values.values()), strict=True)
+    return np.array([simulation(**dict(zip(values, own, strict=True))) for own in rows_of])''',
+    "in_curves": '''def in_curves(simulation, **values):
+    """Run a simulation that returns a curve over its first input, once for equal rows."""
+    (name, places), *others = values.items()
+    numbers = np.array([value for _, value in others]).reshape(len(others), len(places))
+    output = [None] * len(places)
+    for own in np.unique(numbers, axis=1).T:
+        here = np.flatnonzero(np.all(numbers == own[:, None], axis=0))
+        at, back = np.unique(places[here], return_inverse=True)
+        given = {key: value for (key, _), value in zip(others, own, strict=True)}
+        curve = np.asarray(simulation(**{name: at}, **given))
+        for k, row in enumerate(here):
+            output[row] = curve[..., back[k]]
+    return np.moveaxis(np.array(output), 0, -1)''',
+    "by_level": '''def by_level(values, table, other=0.0):
+    """Return the number of each row's level, and a default for levels not in the table."""
+    for level, number in table.items():
+        other = np.where(values == level, number, other)
+    return other''',
+    "curve_of_level": '''def curve_of_level(values, by, levels, grid, curves):
+    """Return the curve of each row's level at its value, zero for other levels."""
+    out = np.zeros(np.shape(values))
+    for level, curve in zip(levels, curves, strict=True):
+        out = np.where(by == level, np.interp(values, grid, curve), out)
+    return out''',
+}
 
 
 def extended_model(

@@ -11,7 +11,7 @@ from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 
-from hybridsurrogate.effects.notation import digits_at
+from hybridsurrogate.effects.expressions import digits_at
 from hybridsurrogate.numerics.digits import interval
 from hybridsurrogate.types import FloatArray
 

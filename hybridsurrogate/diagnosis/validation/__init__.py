@@ -1,10 +1,7 @@
 """The whole diagnosis once more on some of the rows: what the extension gains.
 
-folds             rows that are held out, within the measured range and beyond
-refit             search and extension on the others
-cross_validation  all folds
+cross_validation  all folds, within the measured range and beyond, on several processes
+refit             search and extension on the rows that are not held out
 gain              scores before and after
 beta_scan         the best weight of the simulation before and after
-parallel          folds on several processes
-progress          what is being done, on a terminal
 """

@@ -13,14 +13,19 @@ from joblib import delayed
 from numpy.typing import ArrayLike, NDArray
 from sklearn.base import clone
 
-from hybridsurrogate.diagnosis.validation.folds import Folds, folds_beyond, random_folds, row_taker
+from hybridsurrogate.diagnosis.validation.cross_validation import (
+    Folds,
+    folds_beyond,
+    in_parallel,
+    random_folds,
+    row_taker,
+)
 from hybridsurrogate.diagnosis.validation.gain import mean_and_error
-from hybridsurrogate.diagnosis.validation.parallel import in_parallel
 from hybridsurrogate.estimators.beta_path import beta_path
 from hybridsurrogate.estimators.power_scaled import PowerScaledSurrogate
 from hybridsurrogate.exceptions import HybridSurrogateWarning
 from hybridsurrogate.inference.sampling.settings import SETTINGS
-from hybridsurrogate.model.rows.measured_rows import without_gaps
+from hybridsurrogate.model.rows.measured_data import without_gaps
 from hybridsurrogate.scoring.scores import last_of_the_best
 from hybridsurrogate.simulation.arrays import as_numbers, complete_table
 from hybridsurrogate.types import FloatArray

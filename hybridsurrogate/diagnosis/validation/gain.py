@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hybridsurrogate.notebook.tables import table
+from hybridsurrogate.notebook import table
 from hybridsurrogate.numerics import digits
 from hybridsurrogate.types import FloatArray
 

@@ -12,20 +12,21 @@ from numpy.random import RandomState
 from numpy.typing import ArrayLike
 from sklearn.base import clone
 
+from hybridsurrogate.diagnosis.answers.averaging import averaged_over
 from hybridsurrogate.diagnosis.answers.extension import extend_simulator
-from hybridsurrogate.diagnosis.answers.model_averaging import averaged_over
+from hybridsurrogate.diagnosis.search.candidate import Candidate
+from hybridsurrogate.diagnosis.search.context import on_working_rows
 from hybridsurrogate.diagnosis.search.forward_selection import (
     SearchStep,
     forward_search,
 )
-from hybridsurrogate.diagnosis.search.search import Search
+from hybridsurrogate.diagnosis.search.search import Search, local_posterior, measured_and_other
 from hybridsurrogate.diagnosis.search.setup import prepare, with_basis
-from hybridsurrogate.diagnosis.search.working_rows import on_working_rows
 from hybridsurrogate.diagnosis.validation.gain import in_one_word
-from hybridsurrogate.diagnosis.validation.rows_left_out import with_rows
 from hybridsurrogate.effects.base import Cause
+from hybridsurrogate.effects.noise.outliers import GrossError, GrossRow
 from hybridsurrogate.estimators.averaged import AveragedSurrogate
-from hybridsurrogate.estimators.carried import fitted_near
+from hybridsurrogate.estimators.beta_path import fitted_near
 from hybridsurrogate.estimators.power_scaled import (
     FitTask,
     PowerScaledSurrogate,
@@ -33,12 +34,73 @@ from hybridsurrogate.estimators.power_scaled import (
     prepared,
 )
 from hybridsurrogate.exceptions import HybridSurrogateWarning
-from hybridsurrogate.inference.sampling.emcee_sampler import EnsembleSampler
+from hybridsurrogate.inference.sampling.ensembles import EnsembleSampler
 from hybridsurrogate.model.problem import Problem
 from hybridsurrogate.numerics.psis import KHAT_LIMIT
 from hybridsurrogate.simulation.outputs import OUTPUT, AllOutputs
 from hybridsurrogate.simulation.simulator import Simulator
 from hybridsurrogate.types import FloatArray
+
+
+def with_rows(causes: Sequence[Cause], steps: Sequence[SearchStep]) -> tuple[Cause, ...]:
+    """Return causes in which a `GrossError` has the detected rows; others are as they are.
+
+    Parameters
+    ----------
+    causes : sequence of Cause
+        Of the searches.
+    steps : sequence of SearchStep
+
+    Examples
+    --------
+    >>> import hybridsurrogate as hs
+    >>> causes = (hs.Offset(),)
+    >>> with_rows(causes, []) == causes
+    True
+    """
+    return tuple(
+        _found(cause, steps) if isinstance(cause, GrossError) else cause for cause in causes
+    )
+
+
+def _found(cause: GrossError, steps: Sequence[SearchStep]) -> Cause:
+    for step in steps:
+        for search in (step.conditional, step.search):
+            for w in search.candidates:
+                if w.cause is cause:
+                    return cause.filled(rows=excluded_rows(search, w))
+    return cause
+
+
+def excluded_rows(search: Search, w: Candidate) -> tuple[GrossRow, ...]:
+    """Return the rows that are unlike the others, with what all others predict there.
+
+    Parameters
+    ----------
+    search : Search
+    w : Candidate
+        Of its candidates, with a `GrossError`.
+    """
+    cause, problem = w.cause, search.problem
+    assert isinstance(cause, GrossError)
+    positions = cause.at(float(w.fit.grid.points[w.fit.mode.node, 0]))
+    rows, _ = measured_and_other(search, w, problem.X[:0])
+    local = local_posterior(search, w, rows, float(search.sizes[-1]))
+    simulation = slice(0, rows.first)
+    design = rows.design[positions, simulation]
+    eta = rows.offset[positions] + design @ local.mean[simulation]
+    predicted = problem.likelihood.inverse(eta)
+    columns = problem.model.columns
+    return tuple(
+        GrossRow(
+            int(i) + 1,
+            tuple(zip(columns, problem.X[i, : len(columns)].tolist(), strict=True)),
+            float(problem.observed[i]),
+            float(predicted[k]),
+        )
+        for k, i in enumerate(positions)
+    )
+
 
 # enough for scores whose own standard error is that of a handful of rows, and for what has less
 # than half of the weight

@@ -8,10 +8,10 @@ from dataclasses import replace
 import numpy as np
 from scipy import stats
 
-from hybridsurrogate.effects.axis import period_nodes
 from hybridsurrogate.effects.base import Cause, Context, FloatArray, Rows, quantiles
-from hybridsurrogate.effects.code import Code
+from hybridsurrogate.effects.context import period_nodes
 from hybridsurrogate.effects.dynamics.dynamic import NEEDS_ODE, Dynamic
+from hybridsurrogate.effects.expressions import Code
 from hybridsurrogate.effects.registry import Form, register
 from hybridsurrogate.ode.dynamics import TimeVaryingParameter
 from hybridsurrogate.priors import frozen, prior_sd, truncated_normal

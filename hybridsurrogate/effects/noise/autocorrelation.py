@@ -7,9 +7,9 @@ from collections.abc import Mapping
 import numpy as np
 from scipy import stats
 
-from hybridsurrogate.effects.axis import UNKNOWN, Axis
 from hybridsurrogate.effects.base import Cause, Context, FloatArray, Rows, quantiles
-from hybridsurrogate.effects.code import Code
+from hybridsurrogate.effects.context import UNKNOWN, Axis
+from hybridsurrogate.effects.expressions import Code
 from hybridsurrogate.effects.over_column import OverColumn
 from hybridsurrogate.effects.registry import Form, register
 from hybridsurrogate.priors import frozen
@@ -51,7 +51,7 @@ class Autocorrelation(OverColumn):
     Examples
     --------
     >>> import numpy as np, hybridsurrogate as hs
-    >>> from hybridsurrogate.effects.axis import Axis
+    >>> from hybridsurrogate.effects.context import Axis
     >>> drift = hs.Autocorrelation("t", axis=Axis.of([0.0, 10.0]))
     >>> t = np.array([2.0, 3.0, 9.0])
     >>> columns = drift.columns({"t": t}, {"length": np.full(3, 1.0), "amplitude": np.ones(3)})

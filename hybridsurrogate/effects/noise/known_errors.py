@@ -1,16 +1,20 @@
-"""Standard deviations that measured rows bring with them: error bars."""
+"""Standard deviations and covariances that measured rows bring with them."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
+import pandas as pd
 from scipy import stats
 
-from hybridsurrogate.effects.base import ERROR, Declared, FloatArray, Rows
-from hybridsurrogate.effects.code import Code
+from hybridsurrogate.effects.base import ERROR, Cause, Context, Declared, FloatArray, Rows
+from hybridsurrogate.effects.context import MOST_EXPERIMENTS, position_among
+from hybridsurrogate.effects.expressions import Code
+from hybridsurrogate.exceptions import did_you_mean
 from hybridsurrogate.priors import frozen
 from hybridsurrogate.simulation.outputs import OUTPUT
 from hybridsurrogate.types import Prior
@@ -147,3 +151,279 @@ class Jitter(Declared):
     def code(self) -> Code:
         """Return the cause as Python."""
         return Code("", does="nothing")
+
+
+# an experiment that was not measured
+_ANOTHER = "another"
+# of the largest variance: differences and eigenvalues below it are rounding
+_ROUNDING = 1e-8
+
+
+class SharedErrors(Declared):
+    """Errors that rows share, in addition to the error of each row; no fault, but part of the data.
+
+    Rows with the value k of a column have ``simulation + e_k``: a batch, a run or a sensor that was
+    off as a whole. A priori the errors e are Gaussian, and they are integrated out:
+
+    - without ``covariance`` they are independent, of standard deviation ``spread``, which is
+      estimated. A priori it is half-Cauchy, its scale that of the output (Gelman 2006, Bayesian
+      Analysis 1:515, section 7.1);
+    - with ``covariance`` they have that one. With one value a row it is any covariance of rows, and
+      the fit is that of generalised least squares (Aitken 1936, Proceedings of the Royal Society of
+      Edinburgh 55:42); `of_rows` splits a covariance into ``y_err`` and this effect.
+
+    Give it to an estimator, ``effects=[hs.SharedErrors("run")]``. ``by_experiment={"y": "spread"}``
+    is the same for the column that ``experiment`` names, y being the output. Held-out rows are
+    predicted given the others that share their errors. A value that was not measured has an error
+    of mean zero: it widens intervals.
+
+    Parameters
+    ----------
+    column : str
+        A measured column that the simulation ignores.
+    spread : frozen scipy.stats distribution, float or None, default=None
+        Prior of the spread, or its value where it is known, in units of the output (of its
+        logarithm under a log-normal likelihood).
+    covariance : array-like of shape (k, k), DataFrame or None, default=None
+        Between the errors of the values 0, 1, ..., k - 1 of the column, or of those in the index of
+        a DataFrame, in squared units of the output. It may be singular: one error that all share.
+    levels : tuple of float, default=()
+        Values of the column. Empty: those of the measured rows, or of the covariance.
+    labels : tuple of str or None, default=None
+        What to call them. None: as they are, or as ``experiment`` names them.
+
+    Raises
+    ------
+    ValueError
+        When a model is fitted: for a covariance that is none, has no value for a measured row, or
+        under a likelihood that is not normal on its scale; for several outputs.
+
+    Examples
+    --------
+    >>> import numpy as np, hybridsurrogate as hs
+    >>> errors = hs.SharedErrors("run", spread=0.5, levels=(1.0, 2.0))
+    >>> columns, height = errors.factors({"run": np.array([1.0, 1.0, 2.0])}, {})
+    >>> (columns * height @ (columns * height).T).tolist()
+    [[0.25, 0.25, 0.0], [0.25, 0.25, 0.0], [0.0, 0.0, 0.25]]
+    """
+
+    kind = "shared-errors"
+    about = "column"
+    coefficient_sd = 1.0
+
+    def __init__(
+        self,
+        column: str,
+        spread: Prior | float | None = None,
+        covariance: Any = None,
+        levels: tuple[float, ...] = (),
+        labels: tuple[str, ...] | None = None,
+    ):
+        self.column = column
+        self.spread = spread
+        self.covariance = covariance
+        self.levels = levels
+        self.labels = labels
+
+    @classmethod
+    def of_rows(cls, covariance: Any, column: str) -> tuple[FloatArray, SharedErrors]:
+        """Return the error of each row alone, for ``y_err``, and what rows share.
+
+        The two add up to the covariance. A row alone has the largest share of its variance that
+        leaves a covariance: the smallest eigenvalue of the correlations.
+
+        Parameters
+        ----------
+        covariance : array-like of shape (n, n)
+            Positive definite, in squared units of y.
+        column : str
+            The column of X that numbers the rows 0, 1, ..., n - 1.
+
+        Returns
+        -------
+        y_err : ndarray of shape (n,)
+        effect : SharedErrors
+
+        Raises
+        ------
+        ValueError
+            For a matrix that is not square, symmetric, finite and positive definite.
+
+        Examples
+        --------
+        >>> import hybridsurrogate as hs
+        >>> y_err, effect = hs.SharedErrors.of_rows([[4.0, 1.0], [1.0, 4.0]], "row")
+        >>> y_err.round(3).tolist(), effect.covariance.round(3).tolist()
+        ([1.732, 1.732], [[1.0, 1.0], [1.0, 1.0]])
+        """
+        matrix = _checked(covariance)
+        sd = np.sqrt(np.diag(matrix))
+        share = float(np.linalg.eigvalsh(matrix / np.outer(sd, sd))[0]) if sd.all() else 0.0
+        if not share > _ROUNDING:
+            raise ValueError(
+                "The covariance of rows is not positive definite: each row needs an error of its "
+                "own. Give that as y_err, and what rows share as SharedErrors(..., covariance=)."
+            )
+        return np.sqrt(share) * sd, cls(column, covariance=matrix - share * np.diag(sd**2))
+
+    def prepare(self, context: Context) -> Cause:
+        """Fill in the values of the column, and the prior of the spread or the covariance."""
+        if context.outputs:
+            raise ValueError(
+                f"{self.name} is for one output; the model has {', '.join(context.outputs)}."
+            )
+        if self.column in context.inputs:
+            raise ValueError(
+                f"{self.name}: rows that share an error need a column of labels that the "
+                "simulation ignores, and this is one of its inputs."
+            )
+        found = context.axis(self.column).rows
+        labels = self.labels
+        if labels is None and self.column == context.experiment:
+            labels = context.experiment_labels
+        if self.covariance is None:
+            spread = self.spread
+            if spread is None:
+                spread = frozen(stats.halfcauchy, scale=context.scale)
+            elif isinstance(spread, float | int) and not 0 < spread < np.inf:
+                raise ValueError(f"{self.name} needs a spread that is positive, got {spread!r}.")
+            numbered = tuple(map(float, range(len(labels or ()))))
+            levels = self.levels or numbered or tuple(found.tolist())
+            return self.filled(spread=spread, levels=levels, labels=labels)
+        if self.spread is not None:
+            raise ValueError(f"{self.name} has a spread or a covariance, not both.")
+        if not context.gaussian:
+            raise ValueError(
+                f"{self.name}: a covariance of errors needs a likelihood that is normal on its "
+                'scale, "normal" or "lognormal". Under others an error of each batch can be '
+                "estimated: leave out the covariance."
+            )
+        if self.levels:
+            return self
+        matrix = _checked(self.covariance)
+        of_matrix = self._levels_of(self.covariance, labels)
+        there = np.flatnonzero(~np.isnan(of_matrix))
+        order = there[np.argsort(of_matrix[there])]
+        known = of_matrix[order].tolist()
+        if absent := sorted({*found.tolist()} - {*known}):
+            raise ValueError(
+                f"The covariance of {self.name} is of {len(matrix)} values and has none for "
+                f"{self.column} = {absent[0]:.12g} of the measured rows: number these from zero, "
+                "or give a DataFrame whose index has the values of the column."
+            )
+        return self.filled(
+            covariance=matrix[np.ix_(order, order)],
+            levels=tuple(known),
+            labels=None if labels is None else tuple(labels[int(level)] for level in known),
+        )
+
+    def _levels_of(self, covariance: Any, labels: tuple[str, ...] | None) -> FloatArray:
+        """Return the value of the column that each row of a covariance is of, NaN: of no row."""
+        if not isinstance(covariance, pd.DataFrame):
+            return np.arange(len(covariance), dtype=float)
+        index = covariance.index
+        if pd.api.types.is_numeric_dtype(index):
+            return np.asarray(index, dtype=float)
+        known = {name: float(k) for k, name in enumerate(labels or ())}
+        levels = np.array([known.get(str(name), np.nan) for name in index])
+        if absent := [name for name in known if name not in {*map(str, index)}]:
+            raise ValueError(
+                f"The covariance of {self.name} has no {absent[0]!r}; its index is {list(index)}."
+                f"{did_you_mean(absent, map(str, index))}"
+            )
+        return levels
+
+    @property
+    def _names(self) -> list[str]:
+        labels = self.labels or tuple(f"{level:.12g}" for level in self.levels)
+        return [f"{self.column} = {label}" for label in labels]
+
+    @property
+    def coefficients(self) -> tuple[str, ...]:  # type: ignore[override]
+        """One name for each value of the column, one that was not measured included."""
+        return (*self._names, f"{_ANOTHER} {self.column}")
+
+    def priors_by_name(self) -> Mapping[str, Prior]:
+        """Return the prior of the spread where it is unknown."""
+        known = self.covariance is not None or isinstance(self.spread, float | int)
+        return {} if known else {"spread": self.spread}
+
+    @property
+    def changes_output(self) -> bool:
+        """The simulation is as it was: what was measured is off."""
+        return False
+
+    def factors(self, X: Rows, theta: Rows) -> tuple[FloatArray, FloatArray]:
+        """Return a root of the covariance at each row, and its height."""
+        root = self._root
+        rows = root[position_among(self.levels, X[self.column])]
+        return rows, np.repeat(self._height(theta), len(root), axis=1)
+
+    @property
+    def _root(self) -> FloatArray:
+        """A root (k + 1, k + 1) of the covariance, independent where it is of a spread.
+
+        A value that was not measured has the mean variance of all others.
+        """
+        root = np.eye(len(self.levels) + 1)
+        if self.covariance is not None:
+            values, vectors = np.linalg.eigh(self.covariance)
+            root[:-1, :-1] = vectors * np.sqrt(np.maximum(values, 0.0))
+            root[-1, -1] = np.sqrt(np.mean(np.diag(self.covariance)))
+        return root
+
+    def _height(self, theta: Rows) -> FloatArray:
+        """Return what the root is multiplied by for each draw, (J, 1), or for all, (1, 1)."""
+        known = 1.0 if self.covariance is not None else self.spread
+        return np.reshape(np.asarray(theta.get("spread", known), dtype=float), (-1, 1))
+
+    def grid(self) -> dict[str, FloatArray]:
+        """Nothing is enumerated: a search has the spread at its estimate."""
+        return {}
+
+    def estimates(self, theta: Rows, coefficients: Rows) -> dict[str, FloatArray]:
+        """Return the spread, and the error of each value of the column unless they are many."""
+        drawn = np.column_stack([coefficients[name] for name in self.coefficients])
+        each = (self._height(theta) * drawn) @ self._root.T
+        out = {"spread": np.asarray(theta["spread"])} if "spread" in theta else {}
+        if len(self.levels) <= MOST_EXPERIMENTS:
+            out.update(zip(self._names, each.T, strict=False))
+        return out
+
+    def code(self) -> Code:
+        """Return the cause as Python."""
+        return Code("", does="nothing")
+
+    def formula(self, values: Mapping[str, float]) -> str:
+        """Return the extended simulation in words."""
+        return f"simulation, measured with errors that rows of one {self.column} share"
+
+
+def _checked(covariance: Any) -> FloatArray:
+    """Return a covariance (k, k) as numbers; raise ValueError for what is none."""
+    try:
+        matrix = np.asarray(covariance, dtype=float)
+    except (TypeError, ValueError) as error:
+        raise ValueError(f"covariance must be a matrix of numbers: {error}") from error
+    if matrix.ndim != 2 or matrix.shape[0] != matrix.shape[1] or not matrix.size:
+        raise ValueError(f"covariance must be a square matrix, got shape {matrix.shape}.")
+    if len(bad := np.argwhere(~np.isfinite(matrix))):
+        raise ValueError(
+            f"covariance has {len(bad)} values that are NaN or infinite, the first in row "
+            f"{bad[0][0] + 1}, column {bad[0][1] + 1}."
+        )
+    least = _ROUNDING * np.max(np.abs(matrix))
+    if len(bad := np.argwhere(np.abs(matrix - matrix.T) > least)):
+        k, j = bad[0]
+        raise ValueError(
+            f"covariance is not symmetric: {matrix[k, j]:g} in row {k + 1}, column {j + 1}, and "
+            f"{matrix[j, k]:g} the other way round."
+        )
+    smallest = float(np.linalg.eigvalsh(matrix)[0])
+    if smallest < -len(matrix) * least:
+        raise ValueError(
+            f"covariance is not positive definite: its smallest eigenvalue is {smallest:.3g}. No "
+            "errors have such covariances; look for rounded numbers or variances that are too "
+            "small for the covariances next to them."
+        )
+    return (matrix + matrix.T) / 2

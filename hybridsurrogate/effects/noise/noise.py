@@ -1,19 +1,84 @@
-"""Noise that is not the same everywhere."""
+"""Noise that is not the same everywhere: over a column, the output, experiments, outputs."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 from scipy import stats
 
-from hybridsurrogate.effects.axis import UNKNOWN, Axis
-from hybridsurrogate.effects.base import Cause, Context, FloatArray, Rows
-from hybridsurrogate.effects.code import Code
+from hybridsurrogate.effects.base import (
+    SIMULATED,
+    Cause,
+    Context,
+    Declared,
+    FloatArray,
+    Rows,
+    quantiles,
+)
+from hybridsurrogate.effects.context import UNKNOWN, UNMEASURED, Axis, OutputScale
+from hybridsurrogate.effects.expressions import Code
+from hybridsurrogate.effects.inputs import trouble_with_levels
 from hybridsurrogate.effects.over_column import OverColumn
 from hybridsurrogate.effects.registry import Form, over_columns, register
 from hybridsurrogate.priors import frozen
+from hybridsurrogate.simulation.outputs import OUTPUT
 from hybridsurrogate.types import Prior
+
+# standard deviation of the log of a ratio: one output may be read fifty times as well as another
+_SD = 2.0
+
+
+class OutputNoise(Declared):
+    """Separate noise for each of several outputs, relative to that of the first.
+
+    Outputs are in units of their measured standard deviations, and ratios log-normal around one.
+
+    Parameters
+    ----------
+    outputs : sequence of str
+    ratios : sequence of float or None, default=None
+        Known ratios, the first one; None: inferred.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hybridsurrogate.effects.noise.noise import OutputNoise
+    >>> noise = OutputNoise(("level", "flow"))
+    >>> list(noise.parameters)
+    ['noise of flow']
+    >>> noise.noise({"output_of_row": np.array([0.0, 1.0])}, {"noise of flow": np.full(2, 3.0)})
+    array([1., 3.])
+    """
+
+    kind = "noise-of-outputs"
+
+    def __init__(self, outputs: Sequence[str], ratios: Sequence[float] | None = None):
+        self.outputs = outputs
+        self.ratios = ratios
+
+    def priors_by_name(self) -> Mapping[str, Prior]:
+        """Return the ratios of the other outputs, unless they are known."""
+        if self.ratios is not None:
+            return {}
+        return {f"noise of {name}": frozen(stats.lognorm, _SD) for name in self.outputs[1:]}
+
+    def noise(self, X: Rows, theta: Rows) -> FloatArray:
+        """Return the ratio of each row's output."""
+        which = X[OUTPUT].astype(np.intp)
+        if self.ratios is not None:
+            return np.asarray(self.ratios, dtype=float)[which]
+        each = np.stack([np.ones(len(which)), *(theta[name] for name in self.parameters)])
+        return np.asarray(each[which, np.arange(len(which))])
+
+    def code(self) -> Code:
+        """Return the cause as Python."""
+        return Code("", does="nothing")
+
+    def log_prior(self) -> float:
+        """Return the log prior density of known ratios, of their logarithms."""
+        assert self.ratios is not None
+        return float(np.sum(stats.norm.logpdf(np.log(self.ratios[1:]), scale=_SD)))
 
 
 class Noise(OverColumn):
@@ -38,7 +103,7 @@ class Noise(OverColumn):
     Examples
     --------
     >>> import numpy as np, hybridsurrogate as hs
-    >>> from hybridsurrogate.effects.axis import Axis
+    >>> from hybridsurrogate.effects.context import Axis
     >>> growing = hs.Noise("t", axis=Axis.of([0.0, 1.0, 2.0]))
     >>> growing.noise({"t": np.array([0.0, 1.0, 2.0])}, {"slope": np.log(2)}).round(3).tolist()
     [0.5, 1.0, 2.0]
@@ -98,6 +163,237 @@ register(
         formula="eta; noise sigma exp(slope u), centred at the mean of x",
         priors="slope of u: standard normal",
         estimates="slope (of log sigma, per unit of x), ratio (last end against first)",
+        left_out="fewer than 8 rows",
+    )
+)
+
+
+class NoiseAtLevel(Declared):
+    """Noise that is larger or smaller where a column has one value; the simulation is right.
+
+    One bad batch, one bad sensor: the standard deviation is ``ratio sigma`` there, and sigma
+    everywhere else. The ratio is log-normal around one, mostly between 1/7 and 7.
+
+    Parameters
+    ----------
+    column : str
+        A measured column that labels experiments.
+    level : float
+        The value that is meant.
+    ratio : frozen scipy.stats distribution or None, default=None
+        Prior of the ratio.
+
+    Examples
+    --------
+    >>> import numpy as np, hybridsurrogate as hs
+    >>> bad = hs.NoiseAtLevel("batch", 3)
+    >>> bad.noise({"batch": np.array([1.0, 3.0])}, {"ratio": np.full(2, 4.0)}).tolist()
+    [1.0, 4.0]
+    """
+
+    kind = "noise"
+    about = "column"
+    unknowns = ("ratio",)
+    is_one_level = True
+
+    def __init__(self, column: str, level: float, ratio: Prior | None = None):
+        self.column = column
+        self.level = level
+        self.ratio = ratio
+
+    @property
+    def variant(self) -> str:
+        """The level."""
+        return f"level {self.level:.12g}"
+
+    @property
+    def name(self) -> str:
+        """The kind, the column and the level."""
+        return f"{self.kind}({self.column} = {self.level:.12g})"
+
+    def prepare(self, context: Context) -> Cause:
+        """Fill in the prior; raise ValueError where the level is never measured."""
+        found = np.unique(context.column(self.column))
+        if self.level not in found:
+            raise ValueError(f"{self.column!r} is never {self.level!r}; it is {list(found)}.")
+        return self if self.ratio is not None else self.filled(ratio=frozen(stats.lognorm, 1.0))
+
+    def noise(self, X: Rows, theta: Rows) -> FloatArray:
+        """Return the factor on the noise scale."""
+        return np.where(X[self.column] == self.level, theta["ratio"], 1.0)
+
+    def code(self) -> Code:
+        """Return the cause as Python."""
+        return Code(
+            "{sigma} * np.where({x} == {level}, {ratio}, 1)",
+            {"ratio": "1"},
+            {"x": self.column},
+            levels={"level": (self.column, self.level)},
+            does="scatters",
+            name="noise_sd",
+        )
+
+    def formula(self, values: Mapping[str, float]) -> str:
+        """Return the extended simulation in words."""
+        there = f"where {self.column} = {self.level:.12g}"
+        return f"simulation, with {values['ratio']:.4g} times the noise {there}"
+
+
+def _at_levels(context: Context) -> Iterator[Cause]:
+    for column in context.labels:
+        if trouble_with_levels(context, column) is None:
+            for level in np.unique(context.X[column]):
+                yield NoiseAtLevel(column, float(level))
+
+
+register(
+    Form(
+        "noise: level",
+        NoiseAtLevel,
+        _at_levels,
+        meaning="the measurements scatter more, or less, in one experiment of {target} than in the "
+        "others",
+        least_rows=12,
+        headline="{output} scatters differently at one value of {target}",
+        call="`NoiseAtLevel(e, level=2)`",
+        formula="eta; noise ratio sigma where the label e is 2",
+        priors="ratio: log-normal, s = 1",
+        estimates="ratio",
+        left_out="no column of labels (declared, or 1, 2, 3 ...); more than 20 labels, "
+        "or one with fewer than 3 rows",
+    )
+)
+
+
+# an output near zero still has this share of its usual size
+_FLOOR = 0.05
+# an even spread over the output reaches about this many standard deviations to either side
+_REACH = 2.0
+
+
+class NoiseOfMean(Declared):
+    """Noise whose standard deviation is a power of the output's size; the simulation is right.
+
+    The standard deviation is ``sigma (m / size)^exponent`` with
+    ``m = sqrt(eta^2 + (size / 20)^2)``: the power-of-the-mean model (Carroll and Ruppert 1988,
+    Transformation and Weighting in Regression, chapter 2), kept from zero where eta passes it. eta
+    is the simulation at the row, without what other causes add; ``size`` is the root mean square of
+    the measured output, so sigma is the noise of an output of that size. Exponent 1 is a relative
+    error, 1/2 that of counts, 0 the same noise everywhere. On a logarithmic scale m is the output
+    itself, ``exp(eta - center)``.
+
+    The exponent is normal around 0, with standard deviation 1, or more where the output moves by a
+    small share of its size only: there the noise at the ends still may differ by a factor.
+
+    An emulator's coefficients are fixed at their estimate from the runs wherever eta sets the
+    noise, so that everything else stays conditionally Gaussian (pseudo-likelihood; Davidian and
+    Carroll 1987, Journal of the American Statistical Association 82:1079).
+
+    Parameters
+    ----------
+    exponent : frozen scipy.stats distribution or None, default=None
+        Prior of the exponent.
+    measured : OutputScale
+        Where the measured output lies; `prepare` looks.
+
+    Examples
+    --------
+    >>> import numpy as np, hybridsurrogate as hs
+    >>> from hybridsurrogate.effects.context import OutputScale
+    >>> relative = hs.NoiseOfMean(measured=OutputScale(location=0.0, spread=2.0))
+    >>> rows = {hs.SIMULATED: np.array([0.0, 2.0, 20.0])}
+    >>> relative.noise(rows, {"exponent": 1.0}).round(2).tolist()
+    [0.05, 1.0, 10.0]
+    """
+
+    kind = "noise"
+    unknowns = ("exponent",)
+    meaning = "the scatter of the measurements changes with the size of {output}"
+    follows_mean = True
+
+    def __init__(self, exponent: Prior | None = None, measured: OutputScale = UNMEASURED):
+        self.exponent = exponent
+        self.measured = measured
+
+    @property
+    def variant(self) -> str:
+        """Over the simulated output."""
+        return "mean"
+
+    @property
+    def name(self) -> str:
+        """The kind, and what it follows."""
+        return "noise(output)"
+
+    def prepare(self, context: Context) -> Cause:
+        """Fill in the usual size of the output and the prior."""
+        measured = self.measured if self.measured.is_known else context.measured
+        relative = measured.spread if measured.is_log else measured.spread / measured.size
+        prior = self.exponent or frozen(stats.norm, scale=max(1.0, 1 / (_REACH * relative)))
+        return self.filled(exponent=prior, measured=measured)
+
+    def grid(self) -> dict[str, FloatArray]:
+        """Return nine quantiles of the exponent."""
+        return {"exponent": quantiles(self.exponent, 9)}
+
+    def noise(self, X: Rows, theta: Rows) -> FloatArray:
+        """Return the factor on the noise scale."""
+        # an exponent far out would overflow where the simulation is far off: no data are there
+        return np.exp(np.clip(theta["exponent"] * self._log_size(X[SIMULATED]), -50, 50))
+
+    def _log_size(self, eta: FloatArray) -> FloatArray:
+        if self.measured.is_log:
+            return eta - self.measured.location
+        return 0.5 * np.log((eta / self.measured.size) ** 2 + _FLOOR**2)
+
+    def estimates(self, theta: Rows, coefficients: Rows) -> dict[str, FloatArray]:
+        """Return the exponent, and the factor between a usual large output and a small one.
+
+        They are one standard deviation of the output above and below its mean.
+        """
+        middle, spread = self.measured.location, self.measured.spread
+        ends = np.array([middle - spread, middle + spread])
+        if not self.measured.is_log:
+            # of an output of both signs the small sizes are near zero
+            ends = np.maximum(abs(middle) + np.array([-1.0, 1.0]) * spread, 0.0)
+        low, high = np.sort(self._log_size(ends))
+        exponent = np.asarray(theta["exponent"])
+        return {"exponent": exponent, "ratio": np.exp(exponent * (high - low))}
+
+    def code(self) -> Code:
+        """Return the cause as Python."""
+        factor = "(({simulated} / {size}) ** 2 + {floor}**2) ** ({exponent} / 2)"
+        constants = {"size": self.measured.size, "floor": _FLOOR}
+        if self.measured.is_log:
+            factor = "np.exp({exponent} * ({simulated} - {center}))"
+            constants = {"center": self.measured.location}
+        return Code(
+            f"{{sigma}} * {factor}",
+            {"exponent": "1"},
+            constants=constants,
+            does="scatters",
+            name="noise_sd",
+        )
+
+    def formula(self, values: Mapping[str, float]) -> str:
+        """Return the extended simulation in words."""
+        return (
+            "simulation, with noise proportional to the size of the output to the power of "
+            f"{values['exponent']:.3g}"
+        )
+
+
+register(
+    Form(
+        "noise: mean",
+        NoiseOfMean,
+        lambda context: [NoiseOfMean()],
+        least_rows=8,
+        headline="The scatter of {output} depends on its size",
+        formula="eta; noise sigma (m / size)^exponent, m = √(eta² + (size / 20)²), size: root mean "
+        "square of the output",
+        priors="exponent: normal, sd 1, or size / (2 spread of the output) where that is more",
+        estimates="exponent, ratio (output one spread above its mean against one below)",
         left_out="fewer than 8 rows",
     )
 )

@@ -1,6 +1,8 @@
-"""What input errors and random parameters share: noise where the simulation is steep."""
+"""Noise where the simulation is steep: inexact inputs, parameters that differ between rows."""
 
 from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
 
 import numpy as np
 from scipy import stats
@@ -15,7 +17,9 @@ from hybridsurrogate.effects.base import (
     Rows,
     quantiles,
 )
-from hybridsurrogate.effects.code import Code
+from hybridsurrogate.effects.context import trouble_with_labels
+from hybridsurrogate.effects.expressions import Code
+from hybridsurrogate.effects.registry import Form, over_inputs, register
 from hybridsurrogate.priors import frozen
 from hybridsurrogate.types import Prior
 
@@ -138,3 +142,142 @@ def trouble(cause: Cause, context: Context) -> str | None:
     if np.std(size) < _LEAST_CHANGE * np.mean(size):
         return f"the simulation is as steep over {cause.quantity} everywhere: noise like any other"
     return None
+
+
+class InputError(NoiseOfSlope):
+    """An input that is off by a random amount in every row: noise where the simulation is steep.
+
+    To first order (Fuller 1987, Measurement Error Models, section 3.1) the variance of a row is
+    ``sigma^2 + (s d eta / d x)^2``, with s the standard deviation of the input's error. It is
+    written ``sigma^2 (1 + (ratio slope / usual)^2)`` with ``usual`` the root mean square of the
+    slope over the measured rows. At a usual slope the input's error is ``ratio`` times the other
+    noise. The ratio is log-normal with median 2 and standard deviation 1 of its logarithm.
+
+    The slope is that of the simulation with what earlier causes make of it, at the row and at the
+    parameters of each draw. An emulator's coefficients are fixed at their estimate from the runs.
+
+    Parameters
+    ----------
+    quantity : str
+        An input of the simulation.
+    ratio : frozen scipy.stats distribution or None, default=None
+        Prior of the ratio.
+    usual : float or None, default=None
+        Root mean square of the slope, on the scale of eta per unit of the input.
+    step : float or None, default=None
+        A quarter of the span of the input; a thousandth of it is the step of differences.
+
+    Examples
+    --------
+    >>> import numpy as np, hybridsurrogate as hs
+    >>> late = hs.InputError("t", usual=2.0, step=1.0)
+    >>> late.noise({hs.SLOPE: np.array([0.0, 2.0, 20.0])}, {"ratio": 1.0}).round(2).tolist()
+    [1.0, 1.41, 10.05]
+    """
+
+    kind = "input-error"
+
+    @property
+    def concerns(self) -> str:
+        """The measured input."""
+        return "inputs"
+
+    def formula(self, values: Mapping[str, float]) -> str:
+        """Return the extended simulation in words."""
+        return f"simulation, with {self.quantity} off by {values['spread']:.4g} (sd) in every row"
+
+
+def _trouble(cause: Cause, context: Context) -> str | None:
+    return trouble_with_labels(cause.target or "", context) or trouble(cause, context)
+
+
+register(
+    Form(
+        "input-error",
+        InputError,
+        over_inputs(InputError),
+        meaning="the recorded {target} is not exact: {output} scatters where it is steep in "
+        "{target}",
+        least_rows=8,
+        trouble=_trouble,
+        like=("noise", "random-parameter"),
+        headline="{target} is not exactly where the data have it: its error is about {spread}",
+        call="`InputError(x)`",
+        formula="eta; noise sigma √(1 + (ratio slope / usual)²), slope: d eta / dx, usual: its "
+        "root mean square",
+        priors="ratio: log-normal, median 2, sd of the log 1",
+        estimates="spread (sd of x in a row), ratio (its noise against the other, at a usual "
+        "slope)",
+        left_out="fewer than 8 rows, or than 5 whole numbers one apart; as steep everywhere; "
+        "several outputs",
+    )
+)
+
+
+class RandomParameter(NoiseOfSlope):
+    """A parameter that varies at random from row to row: noise where the simulation depends on it.
+
+    The embedded discrepancy of Sargsyan, Najm and Ghanem (2015, International Journal of Chemical
+    Kinetics 47:246), to first order: the variance of a row is
+    ``sigma^2 + (s d eta / d p)^2``, with s the standard deviation of the parameter between rows.
+    It is written ``sigma^2 (1 + (ratio slope / usual)^2)`` with ``usual`` the root mean square of
+    the slope over the measured rows. The ratio is log-normal with median 2 and standard deviation 1
+    of its logarithm.
+
+    The slope is that of the simulation with what earlier causes make of it, at the row and at the
+    parameters of each draw. An emulator's coefficients are fixed at their estimate from the runs.
+
+    Parameters
+    ----------
+    quantity : str
+        A parameter or an assumed constant of the simulation.
+    ratio : frozen scipy.stats distribution or None, default=None
+        Prior of the ratio.
+    usual : float or None, default=None
+        Root mean square of the slope, on the scale of eta per unit of the parameter.
+    step : float or None, default=None
+        Prior standard deviation of the parameter; a thousandth of it is the step of differences.
+
+    Examples
+    --------
+    >>> import numpy as np, hybridsurrogate as hs
+    >>> gusts = hs.RandomParameter("wind", usual=2.0, step=1.0)
+    >>> gusts.noise({hs.SLOPE: np.array([0.0, -2.0])}, {"ratio": 1.0}).round(2).tolist()
+    [1.0, 1.41]
+    """
+
+    kind = "random-parameter"
+
+    @property
+    def reads(self) -> tuple[str, ...]:
+        """No measured column."""
+        return ()
+
+    def formula(self, values: Mapping[str, float]) -> str:
+        """Return the extended simulation in words."""
+        return f"simulation, with {self.quantity} varying by {values['spread']:.4g} (sd) by row"
+
+
+def _over_parameters(context: Context) -> Iterator[Cause]:
+    return (RandomParameter(name) for name in (*context.parameters, *context.assumed))
+
+
+register(
+    Form(
+        "random-parameter",
+        RandomParameter,
+        _over_parameters,
+        meaning="the parameter {target} differs between rows: {output} scatters where it depends "
+        "on {target}",
+        least_rows=8,
+        trouble=trouble,
+        like=("noise", "input-error"),
+        headline="{target} differs from row to row, by about {spread}",
+        formula="eta; noise sigma √(1 + (ratio slope / usual)²), slope: d eta / dp, usual: its "
+        "root mean square",
+        priors="ratio: log-normal, median 2, sd of the log 1",
+        estimates="spread (sd of p between rows), ratio (its noise against the other, at a usual "
+        "slope)",
+        left_out="fewer than 8 rows; p counts as much everywhere; several outputs",
+    )
+)

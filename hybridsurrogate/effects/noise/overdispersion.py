@@ -7,9 +7,9 @@ from collections.abc import Mapping
 import numpy as np
 from scipy import stats
 
-from hybridsurrogate.effects.axis import UNMEASURED, OutputScale
 from hybridsurrogate.effects.base import SIMULATED, Cause, Context, Declared, FloatArray, Rows
-from hybridsurrogate.effects.code import Code
+from hybridsurrogate.effects.context import UNMEASURED, OutputScale
+from hybridsurrogate.effects.expressions import Code
 from hybridsurrogate.effects.registry import Form, register
 from hybridsurrogate.priors import frozen
 from hybridsurrogate.types import Prior
@@ -49,7 +49,7 @@ class Overdispersion(Declared):
     Examples
     --------
     >>> import numpy as np, hybridsurrogate as hs
-    >>> from hybridsurrogate.effects.axis import OutputScale
+    >>> from hybridsurrogate.effects.context import OutputScale
     >>> wide = hs.Overdispersion(measured=OutputScale(location=np.log(20.0)))
     >>> rows = {hs.SIMULATED: np.log([1.0, 20.0])}
     >>> wide.noise(rows, {"ratio": np.full(2, 3.0)}).round(2).tolist()

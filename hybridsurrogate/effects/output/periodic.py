@@ -5,15 +5,15 @@ from __future__ import annotations
 import numpy as np
 from scipy import stats
 
-from hybridsurrogate.effects.axis import (
+from hybridsurrogate.effects.base import Cause, Context, FloatArray, Rows
+from hybridsurrogate.effects.context import (
     LONGEST_PERIOD,
     UNKNOWN,
     Axis,
     highest_frequency,
     period_nodes,
 )
-from hybridsurrogate.effects.base import Cause, Context, FloatArray, Rows
-from hybridsurrogate.effects.code import Code
+from hybridsurrogate.effects.expressions import Code
 from hybridsurrogate.effects.over_column import OverColumn
 from hybridsurrogate.effects.registry import Form, over_columns, over_inputs, register
 from hybridsurrogate.priors import frozen
@@ -49,7 +49,7 @@ class Periodic(OverColumn):
     Examples
     --------
     >>> import numpy as np, hybridsurrogate as hs
-    >>> from hybridsurrogate.effects.axis import Axis
+    >>> from hybridsurrogate.effects.context import Axis
     >>> wave = hs.Periodic("t", axis=Axis.of([-4.0, 4.0]))
     >>> wave.columns({"t": np.array([0.0, 1.0])}, {"period": 4.0}).round(3).tolist()
     [[0.0, 1.0], [1.0, 0.0]]

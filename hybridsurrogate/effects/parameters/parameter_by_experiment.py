@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import stats
 
-from hybridsurrogate.effects.axis import position_among
 from hybridsurrogate.effects.base import Cause, Context, Declared, FloatArray, Rows
-from hybridsurrogate.effects.code import Code, LevelTable
+from hybridsurrogate.effects.context import position_among
+from hybridsurrogate.effects.expressions import Code, LevelTable
 from hybridsurrogate.effects.registry import Form, register
 from hybridsurrogate.exceptions import did_you_mean
 from hybridsurrogate.priors import frozen, prior_sd

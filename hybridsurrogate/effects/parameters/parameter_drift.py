@@ -9,9 +9,9 @@ from typing import NamedTuple
 import numpy as np
 from scipy import special, stats
 
-from hybridsurrogate.effects.axis import LONGEST_PERIOD, MOST_GAPS, UNKNOWN, Axis, period_nodes
 from hybridsurrogate.effects.base import Cause, Context, Declared, FloatArray, Rows, quantiles
-from hybridsurrogate.effects.code import Code
+from hybridsurrogate.effects.context import LONGEST_PERIOD, MOST_GAPS, UNKNOWN, Axis, period_nodes
+from hybridsurrogate.effects.expressions import Code
 from hybridsurrogate.effects.registry import Form, register
 from hybridsurrogate.exceptions import did_you_mean
 from hybridsurrogate.priors import frozen, prior_sd

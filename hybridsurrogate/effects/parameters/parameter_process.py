@@ -8,11 +8,11 @@ import numpy as np
 from scipy import stats
 
 from hybridsurrogate.effects.base import Cause, Context, Declared, FloatArray, Rows
-from hybridsurrogate.effects.code import Code
+from hybridsurrogate.effects.expressions import Code
 from hybridsurrogate.effects.registry import Form, register
 from hybridsurrogate.exceptions import did_you_mean
 from hybridsurrogate.numerics import hilbert
-from hybridsurrogate.ode.wandering import WanderingParameter, coefficients, wave_names
+from hybridsurrogate.ode.dynamics import WanderingParameter, coefficients, wave_names
 from hybridsurrogate.priors import frozen, prior_sd
 from hybridsurrogate.types import Prior
 

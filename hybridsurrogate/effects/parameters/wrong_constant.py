@@ -1,14 +1,138 @@
-"""An assumed constant that has another value."""
+"""Constants and parameters with other values: a prior that is too narrow, a wrong constant."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 
+from scipy import stats
+
 from hybridsurrogate.effects.base import Cause, Context, Declared, Rows
-from hybridsurrogate.effects.code import Code
+from hybridsurrogate.effects.expressions import Code
 from hybridsurrogate.effects.registry import Form, register
 from hybridsurrogate.exceptions import did_you_mean
+from hybridsurrogate.priors import frozen
 from hybridsurrogate.types import Prior
+
+# the wide prior of a positive parameter goes this factor beyond either end of the given one, that
+# of another parameter so many times its width
+_FACTOR, _WIDTHS = 10.0, 5.0
+# between these shares a prior lies, whatever its tails
+_TAIL = 0.001
+
+
+class NarrowPrior(Declared):
+    """A parameter with a value outside its prior; the simulation is right.
+
+    ``simulation(x, parameter = value)``, in the units of the parameter. It is compared where the
+    data push a parameter against an end of its prior and the simulation itself can be run: a
+    conflict between prior and data (Evans and Moshonov 2006, Bayesian Analysis 1:893) is otherwise
+    taken for a fault of the simulation.
+
+    Parameters
+    ----------
+    parameter : str
+        A parameter of the simulation.
+    prior : frozen scipy.stats distribution or None, default=None
+        Of its value. None: uniform to five widths beyond either end of the given prior. For a
+        positive parameter log-uniform, from a tenth of the lower end to ten times the upper end.
+    nearest : float or None, default=None
+        The value that fits best within the given prior.
+
+    Examples
+    --------
+    >>> import numpy as np, hybridsurrogate as hs
+    >>> cause = hs.NarrowPrior("rate")
+    >>> _, omega = cause.inputs({"t": np.array([1.0])}, {"rate": 0.08}, {"value": 0.05})
+    >>> omega["rate"]
+    0.05
+    """
+
+    kind = "narrow-prior"
+    about = "parameter"
+
+    def __init__(self, parameter: str, prior: Prior | None = None, nearest: float | None = None):
+        self.parameter = parameter
+        self.prior = prior
+        self.nearest = nearest
+
+    @property
+    def concerns(self) -> str:
+        """The prior, not the simulation."""
+        return "prior"
+
+    @property
+    def replaces(self) -> str | None:
+        """The parameter itself."""
+        return self.parameter
+
+    def priors_by_name(self) -> Mapping[str, Prior]:
+        """Return the wide prior of the parameter's value."""
+        return {"value": self.prior}
+
+    def prepare(self, context: Context) -> Cause:
+        """Widen the prior of the simulation."""
+        if self.parameter not in context.parameters:
+            raise ValueError(
+                f"{self.parameter!r} is not a parameter of the simulation; these are: "
+                f"{list(context.parameters)}."
+            )
+        given = context.parameters[self.parameter]
+        nearest = context.at_prior_end.get(self.parameter, float(given.ppf(0.5)))
+        return self.filled(
+            prior=_widened(given) if self.prior is None else self.prior,
+            nearest=nearest if self.nearest is None else self.nearest,
+        )
+
+    def inputs(self, X: Rows, omega: Rows, theta: Rows) -> tuple[Rows, Rows]:
+        """Run the simulation with a value of the wide prior."""
+        return X, {**omega, self.parameter: theta["value"]}
+
+    def start(self) -> dict[str, float]:
+        """Return the value that fits best within the given prior."""
+        assert self.nearest is not None
+        return {"value": self.nearest}
+
+    def code(self) -> Code:
+        """Return the cause as Python."""
+        return Code(
+            "{value}",
+            {"value": "{of}"},
+            does="replaces",
+            of=self.parameter,
+            note="outside its prior",
+        )
+
+
+def _widened(prior: Prior) -> Prior:
+    low, high = (float(end) for end in prior.ppf([_TAIL, 1 - _TAIL]))
+    if low > 0:
+        return frozen(stats.loguniform, low / _FACTOR, high * _FACTOR)
+    width = high - low
+    return frozen(stats.uniform, loc=low - _WIDTHS * width, scale=(1 + 2 * _WIDTHS) * width)
+
+
+def _at_no_end(context: Context) -> list[tuple[None, str]]:
+    reason = "the data push no parameter against an end of its prior, or it cannot be run beyond"
+    return [] if context.at_prior_end else [(None, reason)]
+
+
+register(
+    Form(
+        "narrow-prior",
+        NarrowPrior,
+        lambda context: map(NarrowPrior, context.at_prior_end),
+        meaning="the simulation may be right: the prior of {target} excludes the value that the "
+        "data ask for",
+        lacking=_at_no_end,
+        like=("wrong-constant", "parameter-drift"),
+        headline="The prior of {target} excludes the value that the data ask for",
+        formula="eta(p = value), value outside the prior of p",
+        priors="value: log-uniform from a tenth of the prior's lower end to ten times its upper "
+        "one; uniform to five widths beyond where p is not positive",
+        estimates="value",
+        left_out="no parameter is at an end of its prior, or the simulation cannot be run",
+    )
+)
 
 
 class WrongConstant(Declared):
@@ -79,7 +203,7 @@ class WrongConstant(Declared):
         return Code("{value}", {"value": "{of}"}, does="replaces", of=self.constant, note=was)
 
 
-def _lacking(context: Context) -> list[tuple[None, str]]:
+def _no_assumed(context: Context) -> list[tuple[None, str]]:
     return [] if context.assumed else [(None, "the simulation has no assumed constants")]
 
 
@@ -89,7 +213,7 @@ register(
         WrongConstant,
         lambda context: map(WrongConstant, context.assumed),
         meaning="the assumed constant {target} has another value",
-        lacking=_lacking,
+        lacking=_no_assumed,
         like=("gain", "parameter-drift"),
         headline="The assumed constant {target} is wrong: the data ask for {value}",
         formula="eta(c = value)",

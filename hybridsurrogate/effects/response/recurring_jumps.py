@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import stats
 
-from hybridsurrogate.effects.axis import UNKNOWN, Axis
 from hybridsurrogate.effects.base import Cause, Context, FloatArray, Rows, quantiles
-from hybridsurrogate.effects.code import Code
+from hybridsurrogate.effects.context import UNKNOWN, Axis
+from hybridsurrogate.effects.expressions import Code
 from hybridsurrogate.effects.over_column import OverColumn
 from hybridsurrogate.effects.registry import Form, register
 from hybridsurrogate.numerics.digits import listing

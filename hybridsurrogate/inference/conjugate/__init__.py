@@ -1,10 +1,6 @@
 """Gaussian coefficients integrated out.
 
-sufficient_statistics  of the runs
-emulator_posterior     the coefficients given the runs alone
-collapsed              the density of step 1, coefficients integrated out
-gram, factored_rows    its Gram matrices; rows that are products of parts
-woodbury               the same by the covariance of few rows
-spectral               the same by one eigendecomposition, where only sigma varies
-noise_marginal         sigma integrated out
+collapsed       the density of step 1: by the coefficients, by few rows, or for sigma alone
+factored_rows   its Gram matrices; rows that are products of parts
+noise_marginal  sigma integrated out
 """

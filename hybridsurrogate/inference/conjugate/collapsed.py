@@ -1,5 +1,9 @@
 """Step 1 with the Gaussian coefficients integrated out.
 
+Of each draw j there are ``rows`` (n, p) of the coefficients, ``residual`` (n,) from their prior
+mean, and one noise variance. What is known of the coefficients before these rows comes as
+`FixedRows`, in whose coordinates they are independent.
+
 A few unknowns ``u = [z_omega, z_theta, z_hyper, log sigma]`` remain. Given them the coefficients of
 surrogate and causes are Gaussian, so their draws are exact and independent (Rasmussen and Williams
 2006, section 2.7).
@@ -13,15 +17,133 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from hybridsurrogate.inference.conjugate.factored_rows import FactoredRows
-from hybridsurrogate.inference.conjugate.gram import posterior_factor, whitened
-from hybridsurrogate.inference.conjugate.spectral import FixedRows, few_rows, fixed_rows
-from hybridsurrogate.inference.conjugate.woodbury import draws_given_rows, marginal_of_rows
+from hybridsurrogate.inference.conjugate.factored_rows import (
+    FactoredRows,
+    posterior_factor,
+    whitened,
+)
 from hybridsurrogate.model.observation import MeasuredModel
-from hybridsurrogate.model.prior_density import prior_of_unknowns
-from hybridsurrogate.model.statistics import ROUNDING, Statistics
-from hybridsurrogate.numerics.blocks import BLOCK, LARGE_BLOCK
+from hybridsurrogate.model.statistics import ROUNDING, Statistics, prior_of_unknowns
+from hybridsurrogate.numerics.linear_algebra import BLOCK, LARGE_BLOCK, log_det_of, nudged_cholesky
 from hybridsurrogate.types import FloatArray, Prior
+
+
+@dataclass(frozen=True)
+class FixedRows:
+    """Rows that do not depend on the unknowns, in coordinates in which they are independent.
+
+    With c = mean + axes @ v the prior of v is standard normal. The rows measure v_k times root of
+    ``size_k`` as ``along_k`` with noise variance sigma^2: one spectral decomposition instead of a
+    Cholesky factor for every sigma. The axes may be fewer than the coefficients: in the remaining
+    directions, which no row informs, the posterior is the prior.
+    """
+
+    mean: FloatArray
+    sd: FloatArray
+    axes: FloatArray
+    size: FloatArray
+    along: FloatArray
+    rest: float
+    log_noise: float
+
+    def marginal(self, variance: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """As `CollapsedPosterior._marginal`, for noise variances (J,)."""
+        total = variance[:, None] + self.size
+        log_det = np.log(total / variance[:, None]).sum(axis=1)
+        left = self.rest / variance + (self.along**2 / total).sum(axis=1)
+        return log_det, left, np.full(len(variance), self.log_noise)
+
+    def given(self, variance: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return mean and sd (J, k) of v for noise variances (J,)."""
+        total = variance[:, None] + self.size
+        return np.sqrt(self.size) * self.along / total, np.sqrt(variance[:, None] / total)
+
+    def draws(self, variance: FloatArray, noise: FloatArray) -> FloatArray:
+        """Return coefficients for noise variances (J,) and standard normal numbers (J, p)."""
+        whole = self.axes.shape[0] == self.axes.shape[1]
+        projected = noise if whole else noise @ (self.axes / self.sd[:, None])
+        centre, sd = self.given(variance)
+        v = centre + sd * projected
+        if whole:
+            return self.mean + v @ self.axes.T
+        return self.mean + self.sd * noise + (v - projected) @ self.axes.T
+
+
+def fixed_rows(gram: FloatArray, mean: FloatArray, sd: FloatArray, log_noise: float) -> FixedRows:
+    """Return the rows of a Gram matrix [[G, g], [g', yy]] (p + 1, p + 1)."""
+    ff, fy, yy = gram[:-1, :-1], gram[:-1, -1], gram[-1, -1]
+    size, vectors = np.linalg.eigh(sd[:, None] * ff * sd)
+    axes = sd[:, None] * vectors
+    # directions that no row speaks about: their size is rounding
+    informed = size > 1e-13 * max(size.max(initial=0.0), 1e-300)
+    size = np.where(informed, size, 0.0)
+    along = np.where(informed, axes.T @ (fy - ff @ mean), 0.0) / np.sqrt(
+        np.where(informed, size, 1.0)
+    )
+    rest = yy - 2 * mean @ fy + mean @ ff @ mean - along @ along
+    return FixedRows(mean, sd, axes, size, along, max(float(rest), 0.0), log_noise)
+
+
+def few_rows(
+    rows: FloatArray, mean: FloatArray, sd: FloatArray, rounding: float, log_noise: float
+) -> FixedRows:
+    """As `fixed_rows`, from n rows [features, y] that are fewer than the coefficients."""
+    left, root, right = np.linalg.svd(rows[:, :-1] * sd, full_matrices=False)
+    informed = root > 3e-7 * max(root.max(initial=0.0), 1e-300)
+    size = np.where(informed, root**2, 0.0)
+    residual = rows[:, -1] - rows[:, :-1] @ mean
+    along = np.where(informed, left.T @ residual, 0.0)
+    rest = float(residual @ residual - along @ along) + rounding
+    return FixedRows(mean, sd, sd[:, None] * right.T, size, along, max(rest, 0.0), log_noise)
+
+
+def marginal_of_rows(
+    rows: FloatArray, residual: FloatArray, variance: FloatArray, before: FixedRows
+) -> tuple[FloatArray, FloatArray]:
+    """Return log |covariance| / variance^n and the quadratic form, of all rows, both (J,)."""
+    centre, sd = before.given(variance)
+    rows, residual = _standardised(rows, residual, before, centre, sd)
+    factor = nudged_cholesky(_covariance(rows, variance))
+    half = np.linalg.solve(factor, residual[..., None])[..., 0]
+    log_det, rest, _ = before.marginal(variance)
+    log_det = log_det + 2 * log_det_of(factor) - rows.shape[1] * np.log(variance)
+    return log_det, rest + (half**2).sum(axis=1)
+
+
+def draws_given_rows(
+    rows: FloatArray,
+    residual: FloatArray,
+    variance: FloatArray,
+    before: FixedRows,
+    random_state: np.random.RandomState,
+) -> FloatArray:
+    """Draw the coefficients (J, p) by conditioning draws from before the rows on them."""
+    centre, sd = before.given(variance)
+    rows, residual = _standardised(rows, residual, before, centre, sd)
+    noise = random_state.standard_normal(rows.shape[::2])
+    error = np.sqrt(variance)[:, None] * random_state.standard_normal(residual.shape)
+    missing = residual - (rows @ noise[..., None])[..., 0] - error
+    solved = np.linalg.solve(_covariance(rows, variance), missing[..., None])
+    v = noise + (np.swapaxes(rows, 1, 2) @ solved)[..., 0]
+    return before.mean + (centre + sd * v) @ before.axes.T
+
+
+def _standardised(
+    rows: FloatArray, residual: FloatArray, before: FixedRows, centre: FloatArray, sd: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return rows of coefficients that are standard normal before them, and their residuals."""
+    rows = rows @ before.axes
+    residual = residual - (rows @ centre[..., None])[..., 0]
+    rows *= sd[:, None]
+    return rows, residual
+
+
+def _covariance(rows: FloatArray, variance: FloatArray) -> FloatArray:
+    out = rows @ np.swapaxes(rows, 1, 2)
+    n = rows.shape[1]
+    out[:, np.arange(n), np.arange(n)] += variance[:, None]
+    return out
+
 
 _LOG_2PI = float(np.log(2 * np.pi))
 

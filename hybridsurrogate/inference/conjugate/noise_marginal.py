@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 
 from hybridsurrogate.model.statistics import ROUNDING
-from hybridsurrogate.numerics.blocks import blocks
+from hybridsurrogate.numerics.linear_algebra import blocks
 from hybridsurrogate.types import FloatArray, Prior
 
 _N_TABLE = 1500

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from hybridsurrogate.effects.base import Cause
 from hybridsurrogate.inference.evidence.grid import Grid
 from hybridsurrogate.inference.evidence.settings import SETTINGS
-from hybridsurrogate.model.finite_differences import disjoint_moves, single_moves
+from hybridsurrogate.model.context import disjoint_moves, single_moves
 from hybridsurrogate.model.observation import MeasuredModel
 from hybridsurrogate.model.statistics import EmulatorPosterior
 from hybridsurrogate.priors import to_normal

@@ -17,10 +17,10 @@ from numpy.typing import NDArray
 
 from hybridsurrogate.inference.evidence.grid import Grid
 from hybridsurrogate.inference.evidence.settings import SETTINGS
-from hybridsurrogate.model.finite_differences import disjoint_moves
+from hybridsurrogate.model.context import disjoint_moves
 from hybridsurrogate.model.observation import MeasuredModel
 from hybridsurrogate.model.statistics import EmulatorPosterior
-from hybridsurrogate.numerics.blocks import LARGE_BLOCK, blocks, in_blocks
+from hybridsurrogate.numerics.linear_algebra import LARGE_BLOCK, blocks, in_blocks
 from hybridsurrogate.types import FloatArray
 
 # an emulator is smooth to rounding: a short step to one side is enough, at half the price

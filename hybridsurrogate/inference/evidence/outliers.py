@@ -20,7 +20,7 @@ import numpy as np
 from hybridsurrogate.inference.evidence.grid import Grid
 from hybridsurrogate.inference.evidence.linearised import Linearised
 from hybridsurrogate.inference.evidence.settings import SETTINGS
-from hybridsurrogate.likelihoods.contaminated import log_shape, precision_at
+from hybridsurrogate.likelihoods.student_t import log_shape, precision_at
 from hybridsurrogate.types import FloatArray
 
 # a robust guess of sigma from the median residual

@@ -18,7 +18,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from hybridsurrogate.inference.sampling.adaptive_importance import Proposals
+from hybridsurrogate.inference.sampling.importance import Proposals
 from hybridsurrogate.inference.sampling.modes import LogDensity, find_modes
 from hybridsurrogate.inference.sampling.target import Target
 from hybridsurrogate.model.observation import MeasuredModel

@@ -1,8 +1,6 @@
 """Measured rows.
 
-columns        by name, and rows outside the simulated range
-experiments    groups of rows, and parameters that differ between them
+columns        by name, rows outside the simulated range, groups of rows
 stacking       several outputs as one
-measured_rows  checks of gaps, outcomes and weights
-measured_data  the record that a fit keeps, equal rows counted once
+measured_data  the record that a fit keeps: checked, with its error bars, equal rows counted once
 """

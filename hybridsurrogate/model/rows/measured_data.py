@@ -2,21 +2,346 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+import pandas as pd
+from numpy.typing import ArrayLike, NDArray
+from sklearn.utils import _safe_indexing
 
 from hybridsurrogate.effects.base import Cause
 from hybridsurrogate.effects.noise.known_errors import RowErrors
-from hybridsurrogate.model.rows.experiments import Experiments
-from hybridsurrogate.model.rows.stacking import Stacking
+from hybridsurrogate.exceptions import MissingMeasurementWarning, did_you_mean
+from hybridsurrogate.likelihoods import Likelihood
+from hybridsurrogate.model.rows.columns import Experiments
+from hybridsurrogate.model.rows.stacking import Stacking, as_several
+from hybridsurrogate.simulation.arrays import as_numbers, as_table, check_size
 from hybridsurrogate.simulation.outputs import OUTPUT
 from hybridsurrogate.simulation.simulator import SimulationData, Simulator
 from hybridsurrogate.types import FloatArray
+
+
+@dataclass(frozen=True)
+class ObservedRows:
+    """Rows with a likelihood: observed values and the powers of their densities.
+
+    Attributes
+    ----------
+    y, weights : ndarray of shape (n,)
+    """
+
+    y: FloatArray
+    weights: FloatArray
+
+
+@dataclass(frozen=True)
+class SimulatedRows(ObservedRows):
+    """Simulation runs: inputs (n, n_inputs), parameters (n, n_parameters) and values."""
+
+    X: FloatArray
+    omega: FloatArray
+
+
+def without_gaps(
+    X: Any,
+    y: Any,
+    sample_weight: ArrayLike | None = None,
+    y_err: Any = None,
+    *,
+    word: str = "y",
+) -> tuple[Any, Any, Any, Any]:
+    """Return tables, weights and errors without rows in which one output was not measured.
+
+    Of several outputs all rows stay, where any may be missing.
+
+    Parameters
+    ----------
+    X : array-like of shape (n, n_columns)
+        Such a row may lack its inputs, too.
+    y : array-like of shape (n,), or (n, k) of several outputs, or None
+    sample_weight, y_err : array-like of shape (n,), float or None
+    word : str, default="y"
+        What to call the outputs in a message.
+
+    Returns
+    -------
+    X, y, sample_weight, y_err
+        DataFrames or arrays of floats; as given where numbers of rows differ.
+
+    Raises
+    ------
+    ValueError
+        Where no row has a measurement.
+
+    Warns
+    -----
+    MissingMeasurementWarning
+        Says how many rows were left out.
+
+    Examples
+    --------
+    >>> import warnings
+    >>> with warnings.catch_warnings(record=True) as caught:
+    ...     warnings.simplefilter("always")
+    ...     X, y, *_ = without_gaps([[1.0], [2.0], [3.0]], [4.0, None, 6.0])
+    >>> y, str(caught[0].message)[:35]
+    (array([4., 6.]), '1 of 3 rows have no measurement (y ')
+    """
+    X, y = as_table(X), None if y is None else as_table(y, word)
+    there = has_measurement(y)
+    if np.shape(y)[1:] not in ((), (1,)) or there.all() or np.shape(X)[:1] != np.shape(y)[:1]:
+        return X, y, sample_weight, y_err
+    if not there.any():
+        raise ValueError(f"Input {word} contains NaN alone: no row has a measurement.")
+    lost = np.flatnonzero(~there)
+    warnings.warn(
+        f"{len(lost)} of {len(there)} rows have no measurement ({word} is NaN) and were left out, "
+        f"the first is row {lost[0] + 1}.",
+        MissingMeasurementWarning,
+        stacklevel=4,
+    )
+    kept = np.flatnonzero(there)
+    of_rows = {"sample_weight": sample_weight, "y_err": y_err}
+    for name, values in of_rows.items():
+        if values is not None and np.shape(values) == there.shape:
+            of_rows[name] = as_numbers(values, name)[kept]
+    return _safe_indexing(X, kept), _safe_indexing(y, kept), *of_rows.values()
+
+
+def has_measurement(y: Any) -> NDArray[np.bool_]:
+    """Return which rows of outputs, a DataFrame or an array (n,) or (n, k), hold any.
+
+    Examples
+    --------
+    >>> has_measurement(np.array([[1.0, np.nan], [np.nan, np.nan]]))
+    array([ True, False])
+    """
+    there = np.atleast_1d(~np.asarray(pd.isna(y), dtype=bool))
+    return np.asarray(there.any(axis=tuple(range(1, there.ndim))))
+
+
+def check_outcomes(y: Any, likelihood: Likelihood) -> None:
+    """Raise ValueError for booleans where a likelihood takes them for numbers with noise.
+
+    Examples
+    --------
+    >>> from hybridsurrogate.likelihoods import as_likelihood
+    >>> check_outcomes([True, False], as_likelihood("binomial"))
+    """
+    if likelihood.has_scale and _are_booleans(y):
+        raise ValueError(
+            f"y holds booleans, True and False, which the {likelihood.name} likelihood takes for "
+            "numbers with noise. Of outcomes choose likelihood='binomial', with a simulation of "
+            "their probability; of measured numbers pass y.astype(float)."
+        )
+
+
+def _are_booleans(y: Any) -> bool:
+    if isinstance(y, pd.DataFrame):
+        return any(map(_are_booleans, (column for _, column in y.items())))
+    try:
+        array = np.asarray(y)
+    except ValueError:  # lists of unequal length, which are refused later
+        return False
+    if array.dtype != object:
+        return array.dtype == bool
+    there = array[~np.asarray(pd.isna(array), dtype=bool)]
+    return len(there) > 0 and all(isinstance(value, bool | np.bool_) for value in there.flat)
+
+
+def check_weights(sample_weight: ArrayLike | None, n: int) -> FloatArray:
+    """Return n weights; raise ValueError when they are unusable.
+
+    Examples
+    --------
+    >>> check_weights(None, 3)
+    array([1., 1., 1.])
+    """
+    if sample_weight is None:
+        return np.ones(n)
+    weights = as_numbers(sample_weight, "sample_weight")
+    if weights.ndim == 0:
+        weights = np.full(n, float(weights))
+    if weights.shape != (n,):
+        raise ValueError(f"sample_weight must have shape ({n},), got {weights.shape}.")
+    if not (np.isfinite(weights) & (weights >= 0)).all():
+        raise ValueError("sample_weight must be finite and not negative.")
+    check_size(weights, "sample_weight")
+    if not weights.sum() > 0:
+        raise ValueError("sample_weight sums to zero: no measured row would count.")
+    return weights
+
+
+def taken_out(X: Any, y_err: Any) -> tuple[Any, Any]:
+    """Return a table without its column of errors, and that column; others as they are.
+
+    Parameters
+    ----------
+    X : array-like of shape (n, n_columns)
+    y_err : str, list of str, array-like or None
+        A name: that column of a DataFrame X; of several outputs a name for each.
+
+    Raises
+    ------
+    ValueError
+        Where X has no such column.
+
+    Examples
+    --------
+    >>> table = pd.DataFrame({"t": [1.0, 2.0], "error": [0.1, 0.2]})
+    >>> X, y_err = taken_out(table, "error")
+    >>> list(X), y_err.tolist()
+    (['t'], [0.1, 0.2])
+    """
+    wanted = [y_err] if isinstance(y_err, str) else y_err
+    if not isinstance(wanted, list) or not all(isinstance(name, str) for name in wanted):
+        return X, y_err
+    X = as_table(X)
+    names = list(X.columns) if isinstance(X, pd.DataFrame) else []
+    missing = [name for name in wanted if name not in names]
+    if missing:
+        raise ValueError(
+            f"y_err={y_err!r} is no column of X, which has {names or 'no names'}: name those of a "
+            f"DataFrame, or pass the errors as an array.{did_you_mean(missing, names)}"
+        )
+    errors = X[wanted[0]] if len(wanted) == 1 else X[wanted].to_numpy()
+    return X.drop(columns=wanted), errors
+
+
+def name_of(y_err: Any) -> str | None:
+    """Return the name of the column in which errors came, None for other errors."""
+    name = y_err.name if isinstance(y_err, pd.Series) else None
+    return name if isinstance(name, str) else None
+
+
+def check_errors(
+    y_err: Any, y: FloatArray, likelihood: Likelihood, names: tuple[str, ...]
+) -> FloatArray:
+    """Return errors in the shape of y, in its units.
+
+    Parameters
+    ----------
+    y_err : float or array-like of the shape of y
+        One number: that of every row. NaN is only accepted where y is NaN.
+    y : ndarray of shape (n,), or (n, k) of several outputs
+    likelihood : Likelihood
+    names : tuple of str
+        Of the outputs.
+
+    Raises
+    ------
+    ValueError
+        For another shape; for errors that are zero, negative, NaN or infinite; under a likelihood
+        without a noise scale.
+
+    Examples
+    --------
+    >>> from hybridsurrogate.likelihoods import as_likelihood
+    >>> check_errors(0.5, np.array([1.0, 2.0]), as_likelihood("normal"), ("y",))
+    array([0.5, 0.5])
+    """
+    if not likelihood.scales_noise:
+        raise ValueError(
+            f"y_err is the noise of each row, and the {likelihood.name} likelihood has no noise "
+            'scale: leave y_err out, or choose likelihood="normal", "lognormal" or "student-t".'
+        )
+    if y.ndim > 1 and np.ndim(y_err):
+        errors = as_several(as_table(y_err, "y_err"), names, "y_err")
+    else:
+        errors = as_numbers(y_err, "y_err")
+    if errors.ndim == 0:
+        errors = np.full(y.shape, float(errors))
+    if errors.shape == (len(y), 1) and y.ndim == 1:
+        errors = errors[:, 0]
+    if errors.shape == (len(y), len(y)) and y.ndim == 1:
+        raise ValueError(
+            "y_err is a covariance: number the rows 0, 1, ... in a column of X, and take "
+            'y_err, shared = hs.SharedErrors.of_rows(covariance, "row"), effects=[shared] and '
+            'noise="known".'
+        )
+    if errors.shape != y.shape:
+        raise ValueError(
+            f"y_err must have the shape of y, {y.shape}, with a standard deviation for each "
+            f"measurement, got {errors.shape}."
+        )
+    there = np.isfinite(y)
+    bad = np.argwhere(there & ~(np.isfinite(errors) & (errors > 0)))
+    if len(bad):
+        worst = errors[tuple(bad[0])]
+        hint = (
+            "give a row without a known error that of similar rows"
+            if not np.isfinite(worst)
+            else "a measurement without any error would outweigh all others: give a plausible one"
+            if worst == 0
+            else "errors are standard deviations, not differences"
+        )
+        raise ValueError(
+            f"y_err must be positive and finite; {len(bad)} values are not, the first is "
+            f"{worst:g} in row {bad[0][0] + 1}: {hint}."
+        )
+    return errors
+
+
+def new_errors(X: Any, y_err: Any, data: MeasuredData) -> tuple[Any, Any]:
+    """Return a new table without the column that held errors in ``fit``, and its errors or None.
+
+    Parameters
+    ----------
+    X : array-like of shape (n, n_columns)
+    y_err : float, str, array-like or None
+        None: those in that column, where X has it.
+    data : MeasuredData
+        Of the fit.
+
+    Raises
+    ------
+    ValueError
+        Where the fit had no errors.
+    """
+    if y_err is not None and data.errors is None:
+        raise ValueError("y_err is for an estimator whose fit had y_err, too.")
+    column = data.error_column
+    if column not in (list(X.columns) if isinstance(X, pd.DataFrame) else []):
+        return taken_out(X, y_err)
+    rest, found = taken_out(X, column)
+    if y_err is None:
+        return rest, found
+    return (rest, found) if isinstance(y_err, str) and y_err == column else taken_out(rest, y_err)
+
+
+def with_new_errors(
+    rows: FloatArray, y_err: Any, y: FloatArray, data: MeasuredData, likelihood: Likelihood
+) -> FloatArray:
+    """Return single rows (m, n_columns) with the errors of measurements there as last column.
+
+    Parameters
+    ----------
+    rows : ndarray of shape (m, n_columns)
+    y_err : float or array-like of shape (n,), or (n, k) of several outputs
+    y : ndarray of the same shape
+        Measured or expected, to which errors are relative on a logarithmic scale.
+    data : MeasuredData
+        Of the fit.
+    likelihood : Likelihood
+    """
+    stacking = data.stacking
+    errors = check_errors(y_err, y, likelihood, () if stacking is None else stacking.names)
+    scatter = likelihood.scatter(errors, y)
+    return with_errors(rows, scatter if stacking is None else stacking.values(scatter))
+
+
+def row_errors(
+    kind: str, scatter: FloatArray, stacking: Stacking | None, weights: FloatArray
+) -> RowErrors:
+    """Return how rows with errors (n,) or (n, k) on the scale of eta scatter."""
+    scatter = scatter[weights > 0]
+    if stacking is None:
+        return RowErrors(kind, (float(np.median(scatter)),))
+    return RowErrors(kind, tuple(np.nanmedian(scatter / stacking.scale, axis=0).tolist()))
 
 
 class SingleRows(NamedTuple):

@@ -1,5 +1,10 @@
 """Runs that are curves, emulated: a Gaussian process for the coefficients of their components.
 
+A run that returns the output at many places along one input, mostly time, is one run and not many:
+its parameters stand once. All curves together are a mean plus a few principal components, and each
+component's coefficient is a function of the parameters alone (Higdon, Gattiker, Williams and
+Rightley 2008, Journal of the American Statistical Association 103:570, section 2.2).
+
 All coefficients share one correlation of the parameters and each has a separate variance, so that
 R runs of T places cost R^3 + R^2 T and not (R T)^3 (Higdon, Gattiker, Williams and Rightley 2008,
 Journal of the American Statistical Association 103:570; one correlation for all: Conti and O'Hagan
@@ -10,21 +15,241 @@ of the error, and so is the interpolation along the curves between places that w
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.interpolate import BSpline, make_interp_spline
 
-from hybridsurrogate.numerics.blocks import blocks, each_with_each
-from hybridsurrogate.numerics.cholesky import pivoted_cholesky
-from hybridsurrogate.surrogates.emulation.curves import Components, curves_of
-from hybridsurrogate.surrogates.emulation.local_variance import LocalError
-from hybridsurrogate.surrogates.emulation.process import (
+from hybridsurrogate.numerics.linear_algebra import blocks, each_with_each, pivoted_cholesky
+from hybridsurrogate.surrogates.emulation.between_places import (
+    BetweenPlaces,
+    Piece,
+    between_places,
+    degree_of,
+)
+from hybridsurrogate.surrogates.emulation.covariance import (
+    LocalError,
     Places,
     Process,
     conditioned,
     process_through,
 )
 from hybridsurrogate.types import FloatArray
+
+# rows are curves where there are so many runs at least and so many rows a run on average
+_LEAST_RUNS, _LEAST_ROWS = 8, 5
+# rows by which it is seen that runs are no curves, without a look at millions
+_LOOK = 20_000
+# places of a common grid, at most, where each run has its own
+_MOST_PLACES = 1000
+# what the components leave of the spread of all curves, and how many there are at most
+_LEFT, _MOST_COMPONENTS = 1e-3, 40
+# rounds in which missing pieces of curves are filled in from the components
+_ROUNDS = 10
+
+
+@dataclass(frozen=True, eq=False)
+class Curves:
+    """Runs as curves along one input.
+
+    Attributes
+    ----------
+    along : int
+        The input along which a run has many rows.
+    places : ndarray of shape (n_places,)
+        Its values.
+    others : ndarray of shape (n_runs, d)
+        The other inputs and the parameters, one row a run.
+    outputs : ndarray of shape (n_runs, n_places)
+    degree : int
+        Of the interpolation along the curves, 1 or 3.
+    between : BetweenPlaces
+        Error of interpolation along the curves.
+    """
+
+    along: int
+    places: FloatArray
+    others: FloatArray
+    outputs: FloatArray
+    degree: int
+    between: BetweenPlaces
+
+    @cached_property
+    def components(self) -> Components:
+        """The principal components of the outputs."""
+        mean = self.outputs.mean(axis=0)
+        left, size, curves = np.linalg.svd(self.outputs - mean, full_matrices=False)
+        total = float(np.sum(size**2))
+        rest = np.append(np.cumsum(size[::-1] ** 2)[::-1], 0.0)
+        k = int(np.argmax(rest <= max(_LEFT**2 * total, 1e-300)))
+        k = min(max(k, 1), _MOST_COMPONENTS, len(size))
+        missed = np.sqrt(np.mean((left[:, k:] * size[k:] @ curves[k:]) ** 2, axis=0))
+        table = np.vstack([mean, curves[:k], missed]).T
+        spline = make_interp_spline(self.places, table, k=self.degree)
+        return Components(left[:, :k] * size[:k], self.places[[0, -1]], spline, self.between)
+
+
+@dataclass(frozen=True, eq=False)
+class Components:
+    """A mean and the components that all curves are made of.
+
+    Attributes
+    ----------
+    coefficients : ndarray of shape (n_runs, k)
+        Of the runs.
+    ends : ndarray of shape (2,)
+        Of the places.
+    spline : BSpline
+        Mean, components, and the standard deviation of the residual, k + 2 curves.
+    between : BetweenPlaces
+        Error of interpolation along them.
+    """
+
+    coefficients: FloatArray
+    ends: FloatArray
+    spline: BSpline
+    between: BetweenPlaces
+
+    def at(self, places: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return mean (n,), components (n, k) and what these leave (n,) at places.
+
+        Held at the ends. The error of interpolation is not in it.
+        """
+        table = self.spline(np.clip(places, *self.ends))
+        return table[:, 0], table[:, 1:-1], np.maximum(table[:, -1], 0.0)
+
+
+def curves_of(X: FloatArray, omega: FloatArray, eta: FloatArray) -> Curves | None:
+    """Return runs as curves, None where each row is a separate run.
+
+    Rows with the same parameters and the same inputs but one are a run along that one.
+
+    Parameters
+    ----------
+    X, omega, eta : ndarray of shape (n, n_inputs), (n, n_parameters), (n,)
+        Rows of all runs, in any order.
+    """
+    if not omega.shape[1] or len(eta) < _LEAST_RUNS * _LEAST_ROWS:
+        return None
+    look = omega
+    if len(eta) > _LOOK:
+        look = omega[np.random.default_rng(0).choice(len(eta), _LOOK, replace=False)]
+    if len(np.unique(look, axis=0)) * _LEAST_ROWS > len(look):
+        return None
+    best: tuple[int, FloatArray, NDArray[np.intp]] | None = None
+    for along in range(X.shape[1]):
+        others, run = _alike(np.hstack([np.delete(X, along, axis=1), omega]))
+        are_curves = _LEAST_RUNS <= len(others) <= len(eta) / _LEAST_ROWS
+        if are_curves and (best is None or len(others) < len(best[1])):
+            best = along, others, run
+    if best is None:
+        return None
+    along, others, run = best
+    places, table, interpolated = _on_one_grid(X[:, along], run, eta, len(others))
+    if len(places) < _LEAST_ROWS:
+        return None
+    whole = ~(interpolated | np.isnan(table)).any(axis=1)
+    enough = np.sum(whole) >= _LEAST_RUNS
+    pieces = [(places, table[whole])] if enough else _runs(X[:, along], run, eta)
+    degree = degree_of(pieces)
+    between = between_places(places, interpolated.mean(axis=0), pieces, degree)
+    return Curves(along, places, others, _filled(table), degree, between)
+
+
+def _alike(rows: FloatArray) -> tuple[FloatArray, NDArray[np.intp]]:
+    """Return the different rows, and which of them each is; quick where equal ones follow."""
+    new = np.append(True, np.any(rows[1:] != rows[:-1], axis=1))
+    first, which = np.unique(rows[new], axis=0, return_inverse=True)
+    return first, which.ravel()[np.cumsum(new) - 1]
+
+
+def _runs(x: FloatArray, run: NDArray[np.intp], eta: FloatArray) -> list[Piece]:
+    """Return places and outputs of each run, in order."""
+    order = np.lexsort((x, run))
+    pieces = []
+    for rows in np.split(order, np.cumsum(np.bincount(run))[:-1]):
+        own, first = np.unique(x[rows], return_index=True)
+        pieces.append((own, eta[rows][first][None]))
+    return pieces
+
+
+def _on_one_grid(
+    x: FloatArray, run: NDArray[np.intp], eta: FloatArray, n_runs: int
+) -> tuple[FloatArray, FloatArray, NDArray[np.bool_]]:
+    """Return places (n_places,), outputs (n_runs, n_places), and which of these are interpolated.
+
+    NaN where a run has no output. Gaps are left to the components where most runs have none: these
+    know a rough curve better.
+    """
+    places, column = np.unique(x, return_inverse=True)
+    rows_a_run = np.bincount(run, minlength=n_runs)
+    if len(places) <= 2 * np.median(rows_a_run):
+        flat = run * len(places) + column.ravel()
+        count = np.bincount(flat, minlength=n_runs * len(places))
+        total = np.bincount(flat, weights=eta, minlength=n_runs * len(places))
+        with np.errstate(invalid="ignore"):
+            table = (total / count).reshape(n_runs, len(places))
+        gaps = np.isnan(table)
+        some = np.flatnonzero(gaps.any(axis=1))
+        if n_runs - len(some) < max(_LEAST_RUNS, n_runs // 2):
+            for k in some:
+                there = ~gaps[k]
+                table[k] = _interpolated(places[there], table[k, there], places)
+        return places, table, gaps & ~np.isnan(table)
+    # each run has its own places: as many as a run has, where their quantiles are
+    n = min(2 * int(np.median(rows_a_run)), _MOST_PLACES)
+    grid = np.unique(np.quantile(places, np.linspace(0, 1, n)))
+    table = np.array([_interpolated(own, y[0], grid) for own, y in _runs(x, run, eta)])
+    return grid, table, ~np.isnan(table)
+
+
+def _interpolated(x: FloatArray, y: FloatArray, at: FloatArray) -> FloatArray:
+    """Return y at places within its range, NaN beyond by more than half a typical step."""
+    if len(x) < 2:
+        return np.full(len(at), np.nan)
+    degree = degree_of([(x, y[None])])
+    value: FloatArray = make_interp_spline(x, y, k=degree)(np.clip(at, x[0], x[-1]))
+    margin = 0.5 * float(np.median(np.diff(x)))
+    value[(at < x[0] - margin) | (at > x[-1] + margin)] = np.nan
+    return value
+
+
+def _filled(table: FloatArray) -> FloatArray:
+    """Return curves whose missing pieces are what the components make of the rest.
+
+    The mean of the missing outputs given the others, all curves being draws of a normal
+    distribution with the components' covariance; its components are those of complete curves, then
+    of all as they are filled.
+    """
+    gaps = np.isnan(table)
+    incomplete = np.flatnonzero(gaps.any(axis=1))
+    if not len(incomplete):
+        return table
+    out = np.where(gaps, np.nanmean(table, axis=0), table)
+    out = np.where(np.isnan(out), np.nanmean(table), out)
+    whole = np.delete(np.arange(len(table)), incomplete)
+    source = whole if len(whole) >= max(_LEAST_RUNS, len(table) // 2) else slice(None)
+    for _ in range(_ROUNDS):
+        curves = out[source]
+        mean = curves.mean(axis=0)
+        _, size, axes = np.linalg.svd(curves - mean, full_matrices=False)
+        factor = axes.T * (size / np.sqrt(len(curves)))
+        noise = (_LEFT * float(np.std(curves))) ** 2
+        moved = 0.0
+        for k in incomplete:
+            there = ~gaps[k]
+            own = factor[there]
+            inner = noise * np.eye(own.shape[1]) + own.T @ own
+            score = np.linalg.solve(inner, own.T @ (table[k, there] - mean[there]))
+            again = (mean + factor @ score)[gaps[k]]
+            moved = max(moved, float(np.max(np.abs(again - out[k, gaps[k]]))))
+            out[k, gaps[k]] = again
+        if moved < _LEFT * float(np.std(out)):
+            break
+        source = slice(None)
+    return out
+
 
 # the residual of a variance when its factor has enough columns, in shares of the largest
 _NEGLIGIBLE = 1e-6

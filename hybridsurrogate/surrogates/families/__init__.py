@@ -1,1 +1,1 @@
-"""Families of surrogates: one file each, which registers an instance."""
+"""Families of surrogates: each registers an instance."""

@@ -11,11 +11,9 @@ from numpy.typing import NDArray
 from scipy import stats
 from sklearn.utils import check_scalar
 
-from hybridsurrogate.arguments.scalars import as_real, check_choice
+from hybridsurrogate.arguments import as_real, check_choice
 from hybridsurrogate.priors import check_prior
-from hybridsurrogate.surrogates.base import Surrogate, register
-from hybridsurrogate.surrogates.basis import Basis, Factors
-from hybridsurrogate.surrogates.domain import Domain
+from hybridsurrogate.surrogates.basis import Basis, Domain, Factors, Surrogate, register
 from hybridsurrogate.surrogates.families.polynomial_chaos import legendre, multi_indices
 from hybridsurrogate.types import FloatArray, Prior
 

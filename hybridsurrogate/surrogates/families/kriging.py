@@ -7,19 +7,21 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.linalg import solve_triangular
 
-from hybridsurrogate.numerics.blocks import blocks, in_turn
-from hybridsurrogate.numerics.cholesky import nudged_cholesky, pivoted_cholesky
+from hybridsurrogate.numerics.linear_algebra import (
+    blocks,
+    in_turn,
+    nudged_cholesky,
+    pivoted_cholesky,
+)
 from hybridsurrogate.simulation.design import draw_design
-from hybridsurrogate.surrogates.base import Surrogate, register
-from hybridsurrogate.surrogates.basis import Basis
-from hybridsurrogate.surrogates.domain import Domain
-from hybridsurrogate.surrogates.emulation.curve_emulator import CurveEmulator, emulate_curves
-from hybridsurrogate.surrogates.emulation.process import (
+from hybridsurrogate.surrogates.basis import Basis, Domain, Surrogate, register
+from hybridsurrogate.surrogates.emulation.covariance import (
     Places,
     Process,
     conditioned,
     process_through,
 )
+from hybridsurrogate.surrogates.emulation.curve_emulator import CurveEmulator, emulate_curves
 from hybridsurrogate.surrogates.families.polynomial_chaos import PolynomialChaos
 from hybridsurrogate.types import FloatArray
 

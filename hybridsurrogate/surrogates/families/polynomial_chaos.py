@@ -11,9 +11,7 @@ from numpy.typing import NDArray
 from sklearn.utils import check_scalar
 
 from hybridsurrogate.priors import check_prior
-from hybridsurrogate.surrogates.base import Surrogate, register
-from hybridsurrogate.surrogates.basis import Basis, Factors
-from hybridsurrogate.surrogates.domain import Domain
+from hybridsurrogate.surrogates.basis import Basis, Domain, Factors, Surrogate, register
 from hybridsurrogate.types import FloatArray, Prior
 
 # scale-aware default: five times the spread of the outputs, as N(0, 5) is for the published

@@ -13,9 +13,7 @@ from numpy.typing import NDArray
 from scipy.linalg import block_diag
 
 from hybridsurrogate.simulation.outputs import OUTPUT
-from hybridsurrogate.surrogates.base import Surrogate
-from hybridsurrogate.surrogates.basis import Basis
-from hybridsurrogate.surrogates.domain import Domain
+from hybridsurrogate.surrogates.basis import Basis, Domain, Surrogate
 from hybridsurrogate.types import FloatArray, Prior
 
 

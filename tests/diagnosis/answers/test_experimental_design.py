@@ -8,7 +8,7 @@ from scipy.stats import loguniform, norm
 from searching import compared
 
 import hybridsurrogate as hs
-from hybridsurrogate.diagnosis.answers.alternative_predictions import (
+from hybridsurrogate.diagnosis.answers.averaging import (
     Predictions,
     components_of,
     predictions_at,
@@ -20,10 +20,9 @@ from hybridsurrogate.diagnosis.answers.experimental_design import (
     information_at,
     next_measurement,
 )
-from hybridsurrogate.diagnosis.answers.table import form_of
+from hybridsurrogate.diagnosis.answers.finding import form_of
 from hybridsurrogate.diagnosis.search.context import SearchContext
-from hybridsurrogate.diagnosis.search.local_prediction import predict_jointly
-from hybridsurrogate.diagnosis.search.search import search
+from hybridsurrogate.diagnosis.search.search import predict_jointly, search
 from hybridsurrogate.diagnosis.search.setup import prepare, trained_emulator
 
 HALF = np.array([0.5, 0.5])

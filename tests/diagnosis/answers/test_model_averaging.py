@@ -7,7 +7,7 @@ import pytest
 from sklearn.base import clone
 
 import hybridsurrogate as hs
-from hybridsurrogate.diagnosis.answers.model_averaging import averaged_over, explanations
+from hybridsurrogate.diagnosis.answers.averaging import averaged_over, explanations
 
 WAVE, STEP, BUMP, TREND = hs.Periodic("t"), hs.Step("t"), hs.Bump("t"), hs.Trend("t")
 NOISE = hs.Autocorrelation("t")

@@ -7,7 +7,7 @@ from few_kinds import all_but
 from scipy.stats import uniform
 
 import hybridsurrogate as hs
-from hybridsurrogate.diagnosis.answers.next_runs import _settling
+from hybridsurrogate.diagnosis.answers.experimental_design import _settling
 
 # few runs, on purpose
 pytestmark = pytest.mark.filterwarnings(

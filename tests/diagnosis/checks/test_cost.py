@@ -10,7 +10,7 @@ import pytest
 from tide import problem_of
 
 import hybridsurrogate as hs
-from hybridsurrogate.diagnosis.checks import cost
+from hybridsurrogate.diagnosis.checks import simulation
 
 FRAME = pd.DataFrame({"t": np.linspace(0, 1, 10)})
 SLOPE = {"slope": hs.truncated_normal(1, 1, -3, 5)}
@@ -41,7 +41,7 @@ class Clock:
 @pytest.fixture
 def clock(monkeypatch):
     clock = Clock()
-    monkeypatch.setattr(cost, "perf_counter", clock)
+    monkeypatch.setattr(simulation, "perf_counter", clock)
     return clock
 
 
@@ -53,16 +53,16 @@ def timed(function):
 def test_a_slow_simulation_is_told(clock):
     slow = clock.simulation(0, 0.001)
     # ten rows of a millisecond
-    assert cost.seconds_a_run(timed(slow)) == pytest.approx(0.01)
+    assert simulation.seconds_a_run(timed(slow)) == pytest.approx(0.01)
     with pytest.warns(hs.DiagnosisWarning, match=r" 10 ms for one.* 5 minutes.*surrogate=Kriging"):
-        cost.warn_if_slow(timed(slow))
+        simulation.warn_if_slow(timed(slow))
 
 
 def test_the_estimate_counts_the_folds_and_the_rows(clock):
     """It said 5 minutes or much more: five folds take three to four times as long again."""
     slow = timed(clock.simulation(0, 0.001))
     with pytest.warns(hs.DiagnosisWarning, match=r"128,000 of them, 1,280,000 rows: about 21 min"):
-        cost.warn_if_slow(slow, 5)
+        simulation.warn_if_slow(slow, 5)
 
 
 def test_a_second_estimate_is_not_one_of_known_outputs():
@@ -74,18 +74,18 @@ def test_a_second_estimate_is_not_one_of_known_outputs():
     simulator = hs.Simulator(slow_line, {"t": (0, 1)}, SLOPE, vectorized=False)
     problem = problem_of(FRAME, np.zeros(len(FRAME)), simulator)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(cost, "perf_counter", clock)
-        assert [cost.seconds_a_run(problem) for _ in range(2)] == pytest.approx([0.01, 0.01])
+        patch.setattr(simulation, "perf_counter", clock)
+        assert [simulation.seconds_a_run(problem) for _ in range(2)] == pytest.approx([0.01, 0.01])
 
 
 def test_a_fast_simulation_is_not(clock):
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        cost.warn_if_slow(timed(clock.simulation(0, 0.0004)))
+        simulation.warn_if_slow(timed(clock.simulation(0, 0.0004)))
 
 
 def test_what_costs_the_same_for_many_is_timed_with_many(clock):
-    assert cost.seconds_a_run(timed(clock.simulation(0.2, 0))) == pytest.approx(0.001)
+    assert simulation.seconds_a_run(timed(clock.simulation(0.2, 0))) == pytest.approx(0.001)
 
 
 def test_an_emulator_costs_no_runs():
@@ -94,7 +94,7 @@ def test_an_emulator_costs_no_runs():
     model = hs.PowerScaledSurrogate(runs, hs.PolynomialChaos(2), n_draws=50, random_state=0)
     told = model.fit(FRAME, np.linspace(0, 1, 10) + 0.01 * np.cos(np.arange(10)))
     emulated = replace(problem, model=told.posterior_.model)
-    assert cost.seconds_a_run(emulated) == 0
+    assert simulation.seconds_a_run(emulated) == 0
 
 
 def test_what_ran_lately_is_not_run_again():

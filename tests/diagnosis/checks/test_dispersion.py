@@ -6,8 +6,8 @@ from few_kinds import all_but
 from scipy.stats import uniform
 
 import hybridsurrogate as hs
-from hybridsurrogate.diagnosis.checks import dispersion
-from hybridsurrogate.diagnosis.checks.dispersion import dispersion_of, neighbours
+from hybridsurrogate.diagnosis.checks import data
+from hybridsurrogate.diagnosis.checks.data import dispersion_of, neighbours
 from hybridsurrogate.likelihoods import Binomial, Poisson
 
 
@@ -24,7 +24,7 @@ def _counts(random, n=60, mean=20.0, ratio=1.0, factor=0.0):
 @pytest.fixture
 def few_replicates(monkeypatch):
     """A p-value has its level with 199 as with thousands."""
-    monkeypatch.setattr(dispersion, "_N_REPLICATES", 199)
+    monkeypatch.setattr(data, "_N_REPLICATES", 199)
 
 
 def _p_values(make, likelihood, seeds=100):

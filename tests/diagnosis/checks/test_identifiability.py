@@ -5,8 +5,8 @@ import pytest
 from scipy.stats import norm
 
 import hybridsurrogate as hs
-from hybridsurrogate.diagnosis.checks.identifiability import confounded, confounding
-from hybridsurrogate.diagnosis.report.details.cautions import cautions
+from hybridsurrogate.diagnosis.checks.parameters import confounded, confounding
+from hybridsurrogate.diagnosis.report.details.checks import cautions
 from hybridsurrogate.diagnosis.report.elements.view import View
 
 

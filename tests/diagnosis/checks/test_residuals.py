@@ -12,7 +12,7 @@ from hybridsurrogate.diagnosis.checks.residuals import check_residuals
 from hybridsurrogate.diagnosis.search.context import SearchContext
 from hybridsurrogate.diagnosis.search.search import search
 from hybridsurrogate.diagnosis.search.setup import prepare, trained_emulator
-from hybridsurrogate.inference.prior_ends import at_prior_ends
+from hybridsurrogate.inference.procedure import at_prior_ends
 
 T = np.linspace(0, 10, 60)
 

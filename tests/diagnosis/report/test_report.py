@@ -18,7 +18,7 @@ from outcomes import outcome
 from sklearn.base import clone
 
 import hybridsurrogate as hs
-from hybridsurrogate.diagnosis.report.mathml import mathml
+from hybridsurrogate.diagnosis.report.html import mathml
 from hybridsurrogate.diagnosis.report.summary import plain
 from hybridsurrogate.diagnosis.validation import beta_scan as trust
 from hybridsurrogate.numerics import digits

@@ -8,10 +8,10 @@ import pytest
 
 import hybridsurrogate as hs
 from hybridsurrogate.diagnosis.answers.finding import CauseFinding
-from hybridsurrogate.diagnosis.checks.emulator import EmulatorCheck
+from hybridsurrogate.diagnosis.checks.simulation import EmulatorCheck
+from hybridsurrogate.diagnosis.report import headline
 from hybridsurrogate.diagnosis.report.details import checks, gain, weight
 from hybridsurrogate.diagnosis.report.elements.view import View, label_of_cause
-from hybridsurrogate.diagnosis.report.first_screen import headline
 from hybridsurrogate.diagnosis.validation.gain import FoldGain, HeldOutGain
 from hybridsurrogate.effects.registry import FORMS
 from hybridsurrogate.numerics import digits

@@ -8,13 +8,12 @@ from scipy import integrate, stats
 
 import hybridsurrogate as hs
 from hybridsurrogate.diagnosis.search.exact_scores import scored
-from hybridsurrogate.inference.laplace.inner_mode import gaussian_fit
-from hybridsurrogate.inference.laplace.linear_predictor import Design, PredictorPart
+from hybridsurrogate.inference.laplace import Design, PredictorPart, gaussian_fit
 from hybridsurrogate.inference.posterior_sampler import evidence_around
 from hybridsurrogate.inference.procedure import make_target
 from hybridsurrogate.likelihoods import Binomial, NegativeBinomial, Poisson, StudentT
 from hybridsurrogate.likelihoods.base import Likelihood
-from hybridsurrogate.model.rows.observed import ObservedRows
+from hybridsurrogate.model.rows.measured_data import ObservedRows
 
 RATE = hs.Simulator(
     lambda year, rate: rate + 0 * year,

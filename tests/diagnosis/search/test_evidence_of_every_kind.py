@@ -11,7 +11,7 @@ from evidences import both
 from tide import CASES, FRAME, NOISE, SIMULATOR, plain
 
 import hybridsurrogate as hs
-from hybridsurrogate.diagnosis.answers.table import form_of
+from hybridsurrogate.diagnosis.answers.finding import form_of
 from hybridsurrogate.diagnosis.search.setup import prepare
 from hybridsurrogate.effects.registry import kinds
 

@@ -14,8 +14,7 @@ from hybridsurrogate.inference.evidence.linearised import (
     linearise,
     linearised_pieces,
 )
-from hybridsurrogate.inference.evidence.long_grid import shortened
-from hybridsurrogate.inference.evidence.marginal_likelihood import scan
+from hybridsurrogate.inference.evidence.marginal_likelihood import scan, shortened
 from hybridsurrogate.model.problem import make_problem
 from hybridsurrogate.model.statistics import emulator_posterior
 

@@ -5,8 +5,8 @@ import pytest
 from scipy import stats
 
 import hybridsurrogate as hs
-from hybridsurrogate.diagnosis.checks.detectable import smallest_detectable
 from hybridsurrogate.diagnosis.search.null_test import faults_of, null_test
+from hybridsurrogate.diagnosis.search.simulated import smallest_detectable
 
 
 @pytest.fixture(scope="module")

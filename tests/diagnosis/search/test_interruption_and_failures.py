@@ -9,7 +9,7 @@ from sklearn.base import clone
 from sklearn.exceptions import NotFittedError
 
 import hybridsurrogate as hs
-from hybridsurrogate.diagnosis.answers.table import cause_table, form_of
+from hybridsurrogate.diagnosis.answers.finding import cause_table, form_of
 from hybridsurrogate.diagnosis.search.setup import prepare, trained_emulator
 
 
@@ -80,7 +80,7 @@ def test_an_interrupt_in_the_folds_keeps_everything_but_the_gain(monkeypatch):
 
     diagnosis = diagnosis_of(cv=2, exclude=all_but("step", "trend"))
     with monkeypatch.context() as patched:
-        patched.setattr("hybridsurrogate.diagnosis.fitting.folds.cross_validated", stop)
+        patched.setattr("hybridsurrogate.diagnosis.fitting.diagnose.cross_validated", stop)
         with (
             pytest.warns(hs.DiagnosisWarning, match="folds .* were interrupted: there is no gain"),
             pytest.raises(KeyboardInterrupt),

@@ -11,7 +11,7 @@ from scipy.stats import norm
 import hybridsurrogate as hs
 from hybridsurrogate.diagnosis.search.candidate import Candidate
 from hybridsurrogate.diagnosis.search.context import SearchContext
-from hybridsurrogate.diagnosis.search.joint_refit import movable, placed_together
+from hybridsurrogate.diagnosis.search.exact_scores import movable, placed_together
 from hybridsurrogate.diagnosis.search.null_test import null_test
 from hybridsurrogate.diagnosis.search.search import Search, search
 from hybridsurrogate.diagnosis.search.setup import prepare, trained_emulator

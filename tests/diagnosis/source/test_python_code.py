@@ -20,8 +20,8 @@ from tide import FRAME, SIMULATOR, context_of
 import hybridsurrogate as hs
 from hybridsurrogate.catalogue import catalogue
 from hybridsurrogate.datasets import load_nile, make_log_sin
-from hybridsurrogate.diagnosis.answers.table import form_of
-from hybridsurrogate.diagnosis.source.extended_model import ExtendedModel, FittedCause
+from hybridsurrogate.diagnosis.answers.finding import form_of
+from hybridsurrogate.diagnosis.source.parts import ExtendedModel, FittedCause
 from hybridsurrogate.diagnosis.source.python_code import extended_model, python_source
 from hybridsurrogate.effects.base import NOISE_SD
 from hybridsurrogate.effects.registry import FORMS, kinds

@@ -11,8 +11,8 @@ from sklearn.base import clone
 import hybridsurrogate as hs
 from hybridsurrogate.datasets import make_log_sin
 from hybridsurrogate.diagnosis.validation.beta_scan import best_beta, scan_beta
-from hybridsurrogate.diagnosis.validation.folds import random_folds
-from hybridsurrogate.effects.axis import Axis
+from hybridsurrogate.diagnosis.validation.cross_validation import random_folds
+from hybridsurrogate.effects.context import Axis
 
 
 def line(t, level, slope):

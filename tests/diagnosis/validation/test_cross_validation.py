@@ -11,10 +11,14 @@ from sklearn.base import clone
 import hybridsurrogate as hs
 from hybridsurrogate.diagnosis.search import context as fits
 from hybridsurrogate.diagnosis.search.forward_selection import searches
-from hybridsurrogate.diagnosis.validation.folds import folds_beyond, future_folds, random_folds
+from hybridsurrogate.diagnosis.validation.cross_validation import (
+    folds_beyond,
+    future_folds,
+    random_folds,
+)
 from hybridsurrogate.diagnosis.validation.gain import FoldGain, Held, gain_over, pointwise
 from hybridsurrogate.diagnosis.validation.refit import Pair, Refit
-from hybridsurrogate.estimators.carried import fitted_near
+from hybridsurrogate.estimators.beta_path import fitted_near
 from hybridsurrogate.estimators.power_scaled import prepared
 
 

@@ -7,8 +7,7 @@ import pytest
 from scipy import special, stats
 
 import hybridsurrogate as hs
-from hybridsurrogate.inference.conditional.grid import _finer, _grid
-from hybridsurrogate.inference.conditional.local_proposals import log_density_of_pairs
+from hybridsurrogate.inference.conditional.grid import _finer, _grid, log_density_of_pairs
 from hybridsurrogate.inference.conditional.pairwise_squares import (
     MeasuredGiven,
     SharedDraws,

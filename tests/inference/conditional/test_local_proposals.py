@@ -5,7 +5,7 @@ import pytest
 from scipy import stats
 
 import hybridsurrogate as hs
-from hybridsurrogate.inference.conditional.local_proposals import log_density_of_pairs
+from hybridsurrogate.inference.conditional.grid import log_density_of_pairs
 from hybridsurrogate.inference.conditional.pairwise_squares import MeasuredGiven
 from hybridsurrogate.inference.posterior_sampler import first_step
 from hybridsurrogate.inference.procedure import make_target, measured_draws

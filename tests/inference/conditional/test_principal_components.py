@@ -6,8 +6,7 @@ from scipy import stats
 from sklearn.kernel_approximation import Nystroem
 
 import hybridsurrogate as hs
-from hybridsurrogate.inference.conditional.pairwise_squares import MeasuredGiven
-from hybridsurrogate.inference.conditional.principal_components import main_directions
+from hybridsurrogate.inference.conditional.pairwise_squares import MeasuredGiven, main_directions
 from hybridsurrogate.model.problem import make_problem
 
 SIGMA = 0.05

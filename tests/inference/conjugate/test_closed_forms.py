@@ -7,8 +7,8 @@ from scipy import special, stats
 
 import hybridsurrogate as hs
 from hybridsurrogate.inference.conjugate.collapsed import CollapsedPosterior
-from hybridsurrogate.model.powers import powers_of
 from hybridsurrogate.model.problem import make_problem
+from hybridsurrogate.model.statistics import powers_of
 
 NOISE = 0.5
 # a noise prior that leaves nothing to learn about sigma

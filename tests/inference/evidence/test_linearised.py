@@ -110,7 +110,7 @@ def test_columns_next_to_nothing_stay_so(monkeypatch, block):
         np.exp(-0.3 * t[:, 0]),
     )
     grid = make_grid(problem.model)
-    monkeypatch.setattr("hybridsurrogate.numerics.blocks.BLOCK", block)
+    monkeypatch.setattr("hybridsurrogate.numerics.linear_algebra.BLOCK", block)
     found = columns_at_nodes(problem.model, t, grid, grid.neutral)
     spikes = np.exp(-(((t[:, 0] - grid.points) / 0.03) ** 2))
     np.testing.assert_allclose(found.own[:, :, 0] * found.rms[:, :1], spikes, rtol=1e-9)

@@ -12,8 +12,8 @@ from tide import FRAME, NOISE, SIMULATOR, plain, problem_of
 
 import hybridsurrogate as hs
 from hybridsurrogate.catalogue import catalogue
-from hybridsurrogate.diagnosis.answers.table import form_of
-from hybridsurrogate.diagnosis.search.local_prediction import predict_locally
+from hybridsurrogate.diagnosis.answers.finding import form_of
+from hybridsurrogate.diagnosis.search.search import predict_locally
 from hybridsurrogate.inference.evidence.grid import make_grid
 from hybridsurrogate.inference.evidence.linearised import linearise
 from hybridsurrogate.inference.evidence.marginal_likelihood import scan

@@ -12,14 +12,13 @@ from scipy.special import logsumexp
 
 import hybridsurrogate as hs
 from hybridsurrogate.diagnosis.search.context import SearchContext
-from hybridsurrogate.diagnosis.search.local_prediction import predict_locally
 from hybridsurrogate.diagnosis.search.null_test import null_test, replicates
-from hybridsurrogate.diagnosis.search.search import search
+from hybridsurrogate.diagnosis.search.search import predict_locally, search
 from hybridsurrogate.inference.conjugate.noise_marginal import NoiseTable
 from hybridsurrogate.inference.evidence.grid import make_grid
 from hybridsurrogate.inference.evidence.linearised import linearise
 from hybridsurrogate.inference.evidence.marginal_likelihood import scan
-from hybridsurrogate.likelihoods.contaminated import log_shape
+from hybridsurrogate.likelihoods.student_t import log_shape
 from hybridsurrogate.model.statistics import emulator_posterior
 
 

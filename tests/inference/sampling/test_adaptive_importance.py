@@ -8,9 +8,8 @@ from moments import assert_gaussian
 from scipy import special, stats
 
 import hybridsurrogate as hs
-from hybridsurrogate.inference.sampling.adaptive_importance import importance_draws
-from hybridsurrogate.inference.sampling.initial_points import further_points
-from hybridsurrogate.inference.sampling.modes import Gaussian, find_modes
+from hybridsurrogate.inference.sampling.importance import importance_draws
+from hybridsurrogate.inference.sampling.modes import Gaussian, find_modes, further_points
 from hybridsurrogate.numerics.psis import level_smooth, pareto_smooth
 
 _MEAN = np.array([1.0, -2.0, 0.5])

@@ -9,7 +9,7 @@ from scipy import stats
 import hybridsurrogate as hs
 from hybridsurrogate.inference.procedure import make_target
 from hybridsurrogate.inference.sampling.hierarchical import hierarchies, standardised
-from hybridsurrogate.inference.sampling.initial_points import starting_points
+from hybridsurrogate.inference.sampling.modes import starting_points
 
 SPREAD = {"experiment": "batch", "by_experiment": {"rate": "spread"}}
 

@@ -10,8 +10,8 @@ from scipy import integrate, stats
 
 import hybridsurrogate as hs
 from hybridsurrogate.inference import posterior_sampler
+from hybridsurrogate.inference.sampling.axis_proposals import elongation, ridge_through
 from hybridsurrogate.inference.sampling.modes import Gaussian
-from hybridsurrogate.inference.sampling.ridges import elongation, ridge_through
 
 pytestmark = pytest.mark.numbers
 A = hs.truncated_normal(5, 1, 1, 9)

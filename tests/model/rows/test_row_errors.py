@@ -7,8 +7,12 @@ import pytest
 from hybridsurrogate.effects.base import ERROR
 from hybridsurrogate.effects.noise.known_errors import Jitter, RowErrors
 from hybridsurrogate.likelihoods import as_likelihood
-from hybridsurrogate.model.rows.measured_data import MeasuredData
-from hybridsurrogate.model.rows.row_errors import check_errors, row_errors, taken_out
+from hybridsurrogate.model.rows.measured_data import (
+    MeasuredData,
+    check_errors,
+    row_errors,
+    taken_out,
+)
 from hybridsurrogate.model.rows.stacking import stacking_of
 from hybridsurrogate.simulation.outputs import OUTPUT
 

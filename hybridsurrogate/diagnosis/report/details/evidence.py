@@ -7,13 +7,18 @@ from functools import partial
 import numpy as np
 import pandas as pd
 
-from hybridsurrogate.diagnosis.answers.table import NOT_COMPARED, is_compared
-from hybridsurrogate.diagnosis.checks.outside import DOCUMENTED, N_CASES, NOT_HELD
+from hybridsurrogate.diagnosis.answers.finding import NOT_COMPARED, is_compared
+from hybridsurrogate.diagnosis.checks.residuals import DOCUMENTED, N_CASES, NOT_HELD
 from hybridsurrogate.diagnosis.report.details import pictures
 from hybridsurrogate.diagnosis.report.elements import tables
 from hybridsurrogate.diagnosis.report.elements.section import Picture, Section, Table
-from hybridsurrogate.diagnosis.report.elements.settings import SETTINGS
-from hybridsurrogate.diagnosis.report.elements.view import View, label, label_of, label_of_cause
+from hybridsurrogate.diagnosis.report.elements.view import (
+    SETTINGS,
+    View,
+    label,
+    label_of,
+    label_of_cause,
+)
 from hybridsurrogate.numerics import digits
 
 

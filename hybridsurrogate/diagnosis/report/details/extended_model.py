@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from functools import partial
 
-from hybridsurrogate.diagnosis.answers.parameter_course import parameter_course
+from hybridsurrogate.diagnosis.answers.finding import parameter_course
 from hybridsurrogate.diagnosis.report.details.pictures import picture_course
 from hybridsurrogate.diagnosis.report.elements.section import Picture, Section, Table
 from hybridsurrogate.diagnosis.report.elements.tables import estimate_table
@@ -12,8 +12,8 @@ from hybridsurrogate.diagnosis.report.elements.view import View, averaged, label
 from hybridsurrogate.diagnosis.source.python_code import extended_model, python_source
 from hybridsurrogate.effects import Remainder
 from hybridsurrogate.effects.base import Cause
-from hybridsurrogate.effects.notation import word
-from hybridsurrogate.effects.output.remainder import GROWTH
+from hybridsurrogate.effects.expressions import word
+from hybridsurrogate.effects.output.processes import GROWTH
 from hybridsurrogate.effects.registry import meaning_of
 from hybridsurrogate.numerics import digits
 

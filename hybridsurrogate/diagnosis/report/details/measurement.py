@@ -8,9 +8,8 @@ import numpy as np
 
 from hybridsurrogate.diagnosis.report.details import pictures
 from hybridsurrogate.diagnosis.report.elements.section import Picture, Section
-from hybridsurrogate.diagnosis.report.elements.settings import SETTINGS
 from hybridsurrogate.diagnosis.report.elements.tables import noise_of
-from hybridsurrogate.diagnosis.report.elements.view import View, label_of
+from hybridsurrogate.diagnosis.report.elements.view import SETTINGS, View, label_of
 from hybridsurrogate.numerics import digits
 
 _SCALE = "1 bit decides between two explanations that are equally probable."

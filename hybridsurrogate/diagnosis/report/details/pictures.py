@@ -8,8 +8,7 @@ from matplotlib.axes import Axes
 
 from hybridsurrogate import plotting
 from hybridsurrogate.diagnosis.answers.experimental_design import information_at
-from hybridsurrogate.diagnosis.report.elements.drawing import logarithmic, rendered
-from hybridsurrogate.diagnosis.report.elements.section import Drawn
+from hybridsurrogate.diagnosis.report.elements.section import Drawn, logarithmic, rendered
 from hybridsurrogate.diagnosis.report.elements.view import View, label_of
 from hybridsurrogate.diagnosis.validation.beta_scan import best_beta
 from hybridsurrogate.diagnosis.validation.gain import COVERAGE_LEVEL, HeldOutGain

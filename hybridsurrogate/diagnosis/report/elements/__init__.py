@@ -1,5 +1,5 @@
 """What the parts of a report are made of.
 
-view (a diagnosis as its report needs it, with units), tables, drawing (a figure as a picture),
-section (the parts themselves), settings.
+view (a diagnosis as its report needs it, with units), tables, section (the parts themselves, and a
+figure as a picture).
 """

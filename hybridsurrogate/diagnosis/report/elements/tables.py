@@ -8,11 +8,11 @@ import numpy as np
 import pandas as pd
 
 from hybridsurrogate.diagnosis.answers.discrepancy import Third, shares_of_thirds
-from hybridsurrogate.diagnosis.answers.table import form_of
+from hybridsurrogate.diagnosis.answers.finding import form_of
 from hybridsurrogate.diagnosis.report.elements.view import View
 from hybridsurrogate.diagnosis.search.candidate import total_evidence
 from hybridsurrogate.effects.base import Cause
-from hybridsurrogate.effects.noise.shared_errors import SharedErrors
+from hybridsurrogate.effects.noise.known_errors import SharedErrors
 from hybridsurrogate.effects.parameters.parameter_by_experiment import ParameterByExperiment
 from hybridsurrogate.numerics import digits
 from hybridsurrogate.types import FloatArray

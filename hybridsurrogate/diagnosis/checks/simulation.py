@@ -1,0 +1,247 @@
+"""What a simulation and its runs allow: cost of a search, error of the emulator, roughness."""
+
+from __future__ import annotations
+
+import math
+import warnings
+from dataclasses import replace
+from time import perf_counter
+from typing import NamedTuple
+
+import numpy as np
+
+from hybridsurrogate.diagnosis.checks.caution import SETTINGS, Caution
+from hybridsurrogate.diagnosis.search.search import Search
+from hybridsurrogate.exceptions import DiagnosisWarning
+from hybridsurrogate.model.context import LONGEST_STEP, around, output
+from hybridsurrogate.model.problem import Problem
+from hybridsurrogate.model.statistics import emulator_posterior
+from hybridsurrogate.numerics.digits import number
+from hybridsurrogate.simulation.arrays import is_whole
+from hybridsurrogate.simulation.simulator import SimulationData
+from hybridsurrogate.surrogates import Kriging
+from hybridsurrogate.surrogates.basis import Basis, Surrogate
+
+
+def seconds_a_run(problem: Problem) -> float:
+    """Return the seconds that the simulation takes for one set of parameters at the measured rows.
+
+    Zero for an emulator. More sets are timed where few look slow, while each takes far less of
+    them than of fewer.
+    """
+    model = problem.model
+    each = np.inf
+    if not model.basis.is_simulation:
+        return 0.0
+    for n in SETTINGS.timed_runs:
+        # other sets each time: outputs that are known already take no time
+        z = np.random.RandomState().standard_normal((n, model.n_unknowns))
+        start = perf_counter()
+        model.simulated(problem.X, model.values(z))
+        before, each = each, (perf_counter() - start) / n
+        if each < SETTINGS.slow_run or each > SETTINGS.gain_of_many * before:
+            break
+    return each
+
+
+def warn_if_slow(problem: Problem, n_folds: int | None = None) -> None:
+    """Warn the caller of ``fit`` where the simulation is too slow to be run in a search.
+
+    Parameters
+    ----------
+    problem : Problem
+    n_folds : int or None, default=None
+        Of the cross-validation, each with a separate search.
+    """
+    each = seconds_a_run(problem)
+    folds = 0 if n_folds is None else n_folds
+    sets = SETTINGS.runs_of_a_search * (1 + SETTINGS.cost_of_a_fold * folds)
+    if each * sets < SETTINGS.slow_search:
+        return
+    thousands = round(sets, -3)
+    without = "" if n_folds is None else " cv=None leaves the folds out."
+    warnings.warn(
+        f"The simulation takes {number(1000 * each, 2)} ms for one set of parameters, and this "
+        f"diagnosis runs about {thousands:,.0f} of them, {thousands * len(problem.y):,.0f}"
+        f" rows: about {number(each * sets / 60, 2)} minutes. With "
+        "surrogate=None runs of it are made and searched in seconds, as with "
+        f"simulation=simulator.run(200, n_jobs=-1) and surrogate=Kriging().{without}",
+        DiagnosisWarning,
+        stacklevel=4,
+    )
+
+
+# more than the noise hides, in its standard deviations; measured rows mend some of what is missed
+MOST_OPEN, MOST_MISSED = 1.0, 2.0
+# of runs that are whole numbers: 24 nats of a jump were lost where they left 0.35 open, and
+# rounding took 0.24
+_MOST_OPEN_OF_WHOLE = 0.3
+
+
+def advice_on_runs(surrogate: Surrogate | None) -> str:
+    """Return what to do about a surrogate that misses the simulation."""
+    return "give more runs" if isinstance(surrogate, Kriging) else "try Kriging() or more runs"
+
+
+class EmulatorCheck(NamedTuple):
+    """How well the runs and the surrogate determine the simulation at the measured rows.
+
+    Root mean squares over these rows, in standard deviations of the noise, and rows beyond.
+
+    Attributes
+    ----------
+    left_open : float
+        The uncertainty of the simulation given the runs. It is part of every comparison of the
+        search.
+    missed : float
+        The error of the surrogate, trained on the runs alone, where the runs determine the
+        simulation. The search does without it; the estimators predict with it.
+    beyond : dict of str to int
+        Measured rows that lie further out along an input than every run, by its name.
+    between : float
+        The part of ``left_open`` that lies between the places of runs that are curves: finer places
+        close it, and more runs do not.
+    along : str or None
+        The input along which runs are curves.
+    rounding : float or None
+        What rounding to whole numbers takes from an expected count at the measured rows, where runs
+        of counts are whole numbers; None where they are not.
+    """
+
+    left_open: float
+    missed: float
+    beyond: dict[str, int]
+    between: float = 0.0
+    along: str | None = None
+    rounding: float | None = None
+
+    @property
+    def hidden(self) -> float:
+        """How large an effect the runs may hide, in units of the noise; 0 where that is little.
+
+        More than the noise is much. Of runs that are whole numbers less is: rounded means are
+        stairs, all zero below one half, and an emulator of stairs is rough.
+        """
+        left_open = math.hypot(self.left_open, self.rounding or 0.0)
+        return left_open if left_open > self.most_open else 0.0
+
+    @property
+    def most_open(self) -> float:
+        """What runs may leave open of the simulation for a verdict, in units of the noise."""
+        return MOST_OPEN if self.rounding is None else _MOST_OPEN_OF_WHOLE
+
+    @property
+    def between_runs(self) -> float:
+        """The part of ``left_open`` that more runs close."""
+        return math.sqrt(max(self.left_open**2 - self.between**2, 0.0))
+
+    @property
+    def needs_places(self) -> bool:
+        """Whether finer places of the runs close more than further runs do."""
+        return self.between > self.between_runs
+
+    @property
+    def needs_runs(self) -> bool:
+        """Whether further runs of the same kind are what would decide."""
+        return self.rounding is None and not self.needs_places
+
+    @property
+    def remedy(self) -> str:
+        """What to do about ``left_open``."""
+        itself = "or the simulation itself with surrogate=ExactSurrogate()"
+        if self.rounding is not None:
+            return f"Give the expected counts as runs, not rounded ones or draws, {itself}."
+        if not self.needs_places:
+            return f"Give more runs, {itself}."
+        share = "All of it" if self.between_runs < 0.1 * self.between else "Most of it"
+        return (
+            f"{share} lies between the places of the runs along {self.along}, and more runs do not "
+            f"close it. Give runs with finer places along {self.along}, {itself}."
+        )
+
+    def cautions(self, surrogate: Surrogate) -> list[Caution]:
+        """Return what the noise does not hide."""
+        out = []
+        if self.left_open > MOST_OPEN:
+            out.append(
+                f"At the measured rows the runs leave the simulation open by {self.left_open:.1f} "
+                f"times the noise: effects that are not larger cannot be detected. {self.remedy}"
+            )
+        if self.missed > MOST_MISSED:
+            out.append(
+                f"At the measured rows {type(surrogate).__name__}, trained on the runs alone, "
+                f"misses the simulation by {self.missed:.1f} times the noise. The search does "
+                f"without it, but what is predicted rests on it: {advice_on_runs(surrogate)}."
+            )
+        return [Caution("runs", sentence) for sentence in out]
+
+
+def check_emulator(result: Search, surrogate: Basis, runs: SimulationData) -> EmulatorCheck | None:
+    """Return how well the surrogate's basis predicts the simulation at the best fit of all.
+
+    None where the simulation itself is run, or its emulator has no uncertainty.
+    """
+    problem = result.problem
+    if not problem.model.basis.leaves_open:
+        return None
+    w = result.candidates[int(np.argmax(result.probability))]
+    values = w.fit.values
+    U = w.fit.model.emulator_error(problem.X, values, result.context.emulator.factor)
+    outputs, _, noise = w.fit.model.simulated(problem.X, values, result.context.emulator.mean)
+    own = emulator_posterior(surrogate, problem.simulation).mean
+    alone = replace(w.fit.model, basis=surrogate, reference=own)
+    missed = alone.simulated(problem.X, values, own)[0] - outputs
+    # outputs, rows and counts have separate noise: of counts sigma is one
+    unit = noise[0]
+    left_open = np.sum(U**2, axis=1) / unit**2
+    inputs, points = w.fit.model.places(problem.X, values)
+    basis = problem.model.basis
+    error = np.sum(basis.error(inputs, points) ** 2, axis=1)
+    # causes that respond to the output stretch both alike
+    share = basis.between(inputs) ** 2 / np.maximum(error, 1e-300)
+    squares = left_open, (missed / unit) ** 2, left_open * np.minimum(share, 1.0)
+    rms = np.sqrt([np.mean(each) for each in squares]) / w.fit.sigma
+    X = problem.X[:, : runs.X.shape[1]]
+    low, high = runs.X.min(axis=0), runs.X.max(axis=0)
+    outside = np.sum((low > X) | (high < X), axis=0).tolist()
+    beyond = {name: k for name, k in zip(runs.input_names, outside, strict=True) if k}
+    of_runs = basis.of_runs(np.arange(float(inputs.shape[1]))[None])[0]
+    along = [name for k, name in enumerate(runs.input_names) if k not in of_runs]
+    rounding = None
+    if problem.likelihood.means_as_runs and is_whole(runs.y):
+        errors = problem.likelihood.rounding(outputs[0])
+        rounding = float(np.sqrt(np.mean((errors / unit) ** 2)))
+    return EmulatorCheck(
+        float(rms[0]), float(rms[1]), beyond, float(rms[2]), along[0] if along else None, rounding
+    )
+
+
+def warn_if_rough(problem: Problem) -> None:
+    """Warn the caller of ``fit`` where the simulation jumps by much of the noise.
+
+    Jumps are measured by second differences over the longest step around the best fit that is
+    known: of independent jumps these have six times the variance.
+    """
+    model = problem.model
+    if model.least_step < LONGEST_STEP:
+        return
+    ahead, behind = np.swapaxes(around(model, problem.X, problem.good, LONGEST_STEP), 0, 1)
+    best = output(model, problem.X, problem.good)
+    with np.errstate(invalid="ignore", over="ignore"):
+        second = ahead + behind - 2 * best[:, None]
+    second = second[np.isfinite(second)]
+    # a simulation that fails all around its best fit has no jumps to speak of
+    jump = float(np.sqrt(np.sum(second**2) / max(6 * second.size, 1)))
+    noise = float(np.std(problem.y - best[0]))
+    if not jump > SETTINGS.large_jump * noise:
+        return
+    warnings.warn(
+        f"The simulation is rough: its output jumps by about {number(jump, 2)} where parameters "
+        "change by a tenth of a standard deviation of their priors, and what it misses is "
+        f"{number(noise, 2)}. "
+        "Is the output rounded, is a solver's tolerance loose, or does it draw random numbers? "
+        "Effects of this size get lost. A smoother output helps, or runs of it: "
+        "simulator.run(200) with surrogate=PolynomialChaos() averages over jumps.",
+        DiagnosisWarning,
+        stacklevel=4,
+    )

@@ -1,0 +1,524 @@
+"""Data sets with a known cause, and what the linearised evidence of all causes says of each.
+
+The size of a cause in the output is the root mean square, over the rows, of what the simulation's
+parameters cannot follow of it, in standard deviations of the noise. Of a cause in the noise it is
+the largest standard deviation of a row over the smallest, less one; of noise that neighbouring rows
+share, the size of the shared part in that of the other.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+from scipy import special
+
+from hybridsurrogate.diagnosis.search.candidate import NAMELESS, prior_odds
+from hybridsurrogate.diagnosis.search.context import Fitted, SearchContext
+from hybridsurrogate.diagnosis.search.null_test import NullTest, evidence_at_null, faults_of
+from hybridsurrogate.diagnosis.search.search import Search
+from hybridsurrogate.effects.base import Cause
+from hybridsurrogate.inference.evidence.grid import Grid, make_grid, with_cells
+from hybridsurrogate.inference.evidence.linearised import Linearised, linearised_pieces
+from hybridsurrogate.model.observation import MeasuredModel
+from hybridsurrogate.types import FloatArray
+
+
+class Place(NamedTuple):
+    """Rows in which nothing is wrong, to first order around their fit.
+
+    Attributes
+    ----------
+    context : SearchContext
+    null : Fitted
+        "Nothing is wrong" at its best.
+    parts : Linearised
+        Of it.
+    noise : ndarray of shape (n,)
+        Standard deviation of each row, on the scale of eta.
+    causes : tuple of Cause
+        All that a search compares with each other, but for outliers, which have no closed form, and
+        what looks only at unusual rows (`Cause.is_screened`).
+    """
+
+    context: SearchContext
+    null: Fitted
+    parts: Linearised
+    noise: FloatArray
+    causes: tuple[Cause, ...]
+
+    @classmethod
+    def of(
+        cls,
+        context: SearchContext,
+        null: Fitted,
+        causes: Sequence[Cause],
+        noise: FloatArray | None = None,
+    ) -> Place:
+        """Return the place of a fit; ``noise`` (n,) None: as large as that of the fit."""
+        parts = context.linearise(null)
+        if noise is None:
+            factor = np.ones(1) if parts.noise is None else parts.noise[0]
+            noise = np.broadcast_to(null.sigma * factor, parts.mean[0].shape)
+        compared = tuple(c for c in causes if not (c.is_screened or "outliers" in c.acts_on))
+        return cls(context, null, parts, noise, compared)
+
+    @property
+    def output(self) -> FloatArray:
+        """The rows without noise, (n,), at the fit."""
+        return output_of(self.parts, self.null.mode.z[self.null.grid.fixed])[0]
+
+    def left_of(self, curves: FloatArray) -> FloatArray:
+        """Return what the parameters cannot follow of curves (k, n), in noise sd, (k, n)."""
+        whitened = self.parts.G[0] / self.noise[:, None]
+        # directions that move no row, by the rule of `numpy.linalg.matrix_rank`
+        basis, size, _ = np.linalg.svd(whitened, full_matrices=False)
+        least = len(whitened) * np.finfo(float).eps * np.max(size, initial=0.0)
+        basis = basis[:, size > least]
+        scaled = curves / self.noise
+        return np.asarray(scaled - (scaled @ basis) @ basis.T)
+
+    def responses(
+        self, curves: FloatArray, factors: FloatArray, random: np.random.RandomState
+    ) -> FloatArray:
+        """Draw measured rows (k, n) with curves added and the noise times factors, both (k, n).
+
+        What an emulator leaves open is drawn, too.
+        """
+        U, point = self.parts.U, self.context.problem.working_point
+        eta = self.output + curves + random.standard_normal((len(curves), U.shape[1])) @ U.T
+        if point is not None:
+            return point.replicates(eta, random)
+        return eta + self.noise * factors * random.standard_normal(eta.shape)
+
+
+def output_of(parts: Linearised, z: FloatArray) -> FloatArray:
+    """Return the rows without noise (M, n) at fixed directions z (d,), all sizes neutral."""
+    return np.asarray(parts.mean + parts.G[:, :, : len(z)] @ z)
+
+
+# draws of a cause's shape at a place
+_SHAPES = 256
+# parameters that follow more of a curve than this leave nothing to detect
+_LEAST_LEFT = 0.1
+# how far a parameter is moved at most, in standard deviations of its prior
+_FURTHEST = 3.0
+# of a shape that has its size: how near, on a logarithmic scale, it has to be, before it is scaled
+_NEAR = 0.3
+
+
+class Shapes(NamedTuple):
+    """Shapes of one cause, drawn from its prior; each can be given some sizes.
+
+    Attributes
+    ----------
+    curves : ndarray of shape (k, n)
+        On the scale of eta, of size one where they may be scaled.
+    factors : ndarray of shape (k, n)
+        On the noise.
+    smallest, largest : ndarray of shape (k,)
+        Sizes that each can have.
+    weight : ndarray of shape (k,)
+        Share of the prior.
+    is_path : bool
+        Whether they are noise that neighbouring rows share.
+    """
+
+    curves: FloatArray
+    factors: FloatArray
+    smallest: FloatArray
+    largest: FloatArray
+    weight: FloatArray
+    is_path: bool
+
+    def weight_at(self, size: float) -> FloatArray:
+        """Return the share (k,) of each shape among those that can have a size."""
+        return self.weight * ((self.smallest <= size) & (size <= self.largest))
+
+    def at(self, index: FloatArray, size: float) -> tuple[FloatArray, FloatArray]:
+        """Return curves and factors of some shapes at a size, both (m, n)."""
+        curves, factors = self.curves[index] * size, self.factors[index]
+        if self.is_path:
+            shared = 1 / np.sqrt(1 + size**2)
+            return curves * shared, factors * shared
+        contrast = np.log(np.max(factors, axis=1) / np.min(factors, axis=1))
+        power = np.divide(np.log1p(size), contrast, out=np.ones_like(contrast), where=contrast > 0)
+        factors = factors ** power[:, None]
+        return curves, factors / np.sqrt(np.mean(factors**2, axis=1, keepdims=True))
+
+
+def shapes_of(place: Place, cause: Cause, random: np.random.RandomState) -> Shapes:
+    """Draw shapes of one cause from its prior.
+
+    Those that the parameters follow are left out: none may remain.
+
+    Parameters
+    ----------
+    place : Place
+    cause : Cause
+        Prepared.
+    random : RandomState
+    """
+    problem, null = place.context.problem, place.null
+    model = problem.model.with_effects((*problem.model.effects, cause))
+    grid = _drawn(model, make_grid(model), random)
+    z = grid.neutral.copy()
+    z[: len(null.mode.z)] = null.mode.z
+    pieces = [
+        _shapes(place, cause, parts, output_of(parts, z[grid.fixed]), random)
+        for parts in linearised_pieces(model, problem.X, place.context.emulator, grid, z)
+    ]
+    curves, factors, smallest, largest, weight = (
+        np.concatenate([piece[k] for piece in pieces]) for k in range(5)
+    )
+    return Shapes(curves, factors, smallest, largest, weight, cause.is_correlated_noise)
+
+
+def _drawn(model: MeasuredModel, grid: Grid, random: np.random.RandomState) -> Grid:
+    """Return the grid with draws of its coordinates from their prior in place of its nodes."""
+    weight = np.exp(grid.log_weight - np.logaddexp.reduce(grid.log_weight))
+    index = random.choice(len(weight), _SHAPES, p=weight / weight.sum())
+    cells, points = grid.edges[index], grid.points[index]
+    for k, position in enumerate(grid.nodes if not grid.exact else ()):
+        prior = model.priors[position]
+        below, above = prior.cdf(cells[:, k, 0]), prior.cdf(cells[:, k, 1])
+        within = prior.ppf(below + (above - below) * random.uniform(size=_SHAPES))
+        points[:, k] = np.clip(within, cells[:, k, 0], cells[:, k, 1])
+    edges = np.repeat(points[:, :, None], 2, axis=2)
+    return with_cells(grid, edges, np.full(_SHAPES, -np.log(_SHAPES)))
+
+
+def _shapes(
+    place: Place,
+    cause: Cause,
+    parts: Linearised,
+    output: FloatArray,
+    random: np.random.RandomState,
+) -> Shapes:
+    """Return shapes, one for each node, each with a random direction of its coefficients.
+
+    ``output`` are the rows without noise at the nodes, sizes neutral: (k, n) or, of all, (1, n).
+    """
+    k, n, q = parts.H.shape
+    weight = np.exp(parts.log_weight)
+    own = np.ones((k, n))
+    if parts.noise is not None:
+        relative = parts.noise if place.parts.noise is None else parts.noise / place.parts.noise
+        own = np.broadcast_to(relative, (k, n))
+    smallest, largest = np.zeros(k), np.full(k, np.inf)
+    if not q and not cause.touches_simulation:
+        # noise alone: a shape has its contrast, and may be scaled a little
+        contrast = np.max(own, axis=1) / np.min(own, axis=1) - 1
+        near = np.exp([-_NEAR, _NEAR])
+        zero = np.zeros((k, n))
+        return Shapes(zero, own, contrast * near[0], contrast * near[1], weight, False)
+    moved = np.broadcast_to(output - place.output, (k, n))
+    direction = random.standard_normal((k, q))
+    curves = moved + np.einsum("knq,kq->kn", parts.H, direction)
+    left = place.left_of(curves)
+    size = np.sqrt(np.mean(left**2, axis=1))
+    raw = np.sqrt(np.mean((curves / place.noise) ** 2, axis=1))
+    valid = np.isfinite(size) & (size > _LEAST_LEFT * raw) & (size > 0)
+    unit = np.where(valid, size, 1.0)
+    if q:
+        # a parameter moves within its prior
+        with np.errstate(divide="ignore"):
+            reach = _FURTHEST * np.min(parts.cap / np.abs(direction), axis=1)
+        largest = reach * unit
+    else:
+        smallest, largest = unit * np.exp(-_NEAR), unit * np.exp(_NEAR)
+    curves = np.where(valid[:, None], curves, 0.0) / unit[:, None]
+    factors = np.ones((k, n)) if cause.is_process else own
+    return Shapes(curves, factors, smallest, largest, weight * valid, False)
+
+
+class Hidden(NamedTuple):
+    """Data sets with a cause of one kind and size.
+
+    Attributes
+    ----------
+    responses : ndarray of shape (m, n)
+    change : ndarray of shape (m,)
+        The largest change of a row without noise, on the scale of eta.
+    """
+
+    responses: FloatArray
+    change: FloatArray
+
+
+def hidden(
+    place: Place,
+    shapes: Sequence[tuple[Cause, Shapes]],
+    size: float,
+    m: int,
+    random: np.random.RandomState,
+) -> Hidden | None:
+    """Draw m data sets with a cause of a kind; None where none of its forms has this size.
+
+    Parameters
+    ----------
+    place : Place
+    shapes : sequence of (Cause, Shapes)
+        The forms of the kind: each has its share of the prior of the kind.
+    size : float
+    m : int
+    random : RandomState
+    """
+    odds = prior_odds([cause for cause, _ in shapes])
+    able = np.array([one.weight_at(size).any() for _, one in shapes])
+    if not able.any():
+        return None
+    share = odds * able / np.sum(odds * able)
+    counts = random.multinomial(m, share)
+    curves, factors = [], []
+    for (_, one), count in zip(shapes, counts, strict=True):
+        weight = one.weight_at(size)
+        if count:
+            index = random.choice(len(weight), count, p=weight / weight.sum())
+            both = one.at(index, size)
+            curves.append(both[0])
+            factors.append(both[1])
+    added, factor = np.concatenate(curves), np.concatenate(factors)
+    return Hidden(place.responses(added, factor, random), np.max(np.abs(added), axis=1))
+
+
+# the word for data sets in which nothing is wrong, or nothing is detected
+NOTHING = "none"
+# numbers of responses that are evaluated together
+_TOGETHER = 2_000_000
+
+
+class Outcomes(NamedTuple):
+    """Conclusions from data sets.
+
+    Attributes
+    ----------
+    statistic : ndarray of shape (m,)
+        T, the log of the best evidence ratio, see `null_test`.
+    none : ndarray of shape (m,)
+        Probability that nothing is wrong.
+    kind : ndarray of str of shape (m,)
+        The most probable kind, given that something is wrong.
+    share : ndarray of shape (m,)
+        Its probability, given that something is wrong.
+    """
+
+    statistic: FloatArray
+    none: FloatArray
+    kind: NDArray[np.str_]
+    share: FloatArray
+
+    def between(self, start: int, end: int) -> Outcomes:
+        """Return those of some of the data sets."""
+        some = slice(start, end)
+        return Outcomes(self.statistic[some], self.none[some], self.kind[some], self.share[some])
+
+    def detected(self, limit: float, rate: float) -> NDArray[np.bool_]:
+        """Return where something is detected: by the test and by its probability.
+
+        Parameters
+        ----------
+        limit : float
+            What T exceeds in a share ``rate`` of data sets without a cause.
+        rate : float
+            False alarm rate.
+        """
+        # the bound of `evidence_bound`, with prior odds of one
+        odds = self.none / np.maximum(1 - self.none, np.finfo(float).tiny)
+        return ((self.statistic > limit) | (odds <= rate)) & (self.none <= 0.5)
+
+
+def log_evidence(place: Place, causes: Sequence[Cause], responses: FloatArray) -> FloatArray:
+    """Return the log evidence of "nothing is wrong" and of causes for data sets, (m, 1 + k).
+
+    Parameters
+    ----------
+    place : Place
+    causes : sequence of Cause
+    responses : ndarray of shape (m, n)
+    """
+    model, context = place.context.problem.model, place.context
+    models = [place.null.model, *(model.with_effects((*model.effects, one)) for one in causes)]
+    grids = [place.null.grid, *map(make_grid, models[1:])]
+    sizes = context.sizes([place.null])
+    pairs = list(zip(models, grids, strict=True))
+    return evidence_at_null(context, place.null, pairs, responses, sizes)
+
+
+def outcomes(place: Place, responses: FloatArray) -> Outcomes:
+    """Return what a diagnosis would conclude from data sets (m, n) at a place."""
+    pieces = np.array_split(responses, max(-(-responses.size // _TOGETHER), 1))
+    evidence = np.concatenate([log_evidence(place, place.causes, some) for some in pieces])
+    statistic = np.max(evidence[:, 1:], axis=1) - evidence[:, 0]
+    weight = evidence + np.log(prior_odds([None, *place.causes]))
+    probability = np.exp(weight - special.logsumexp(weight, axis=1, keepdims=True))
+    kind, share = _most_probable(place.causes, probability[:, 1:])
+    return Outcomes(statistic, probability[:, 0], kind, share)
+
+
+def _most_probable(
+    causes: Sequence[Cause], probability: FloatArray
+) -> tuple[NDArray[np.str_], FloatArray]:
+    """Return the most probable kind of each data set, as `Search.leader`, and its share."""
+    total = np.maximum(np.sum(probability, axis=1, keepdims=True), np.finfo(float).tiny)
+    kinds, of_kind = _summed([one.kind for one in causes], probability / total)
+    families, of_family = _summed([one.concerns for one in causes], probability / total)
+    has = {(one.concerns, one.kind) for one in causes}
+    member = np.array([[(family, kind) in has for kind in kinds] for family in families])
+    among = np.where(member[np.argmax(of_family, axis=1)], of_kind, -1.0)
+    best = np.argmax(among, axis=1)
+    # a curve of any shape, where it beats every kind
+    nameless = np.isin(kinds, NAMELESS)[best]
+    best = np.where(nameless, np.argmax(of_kind, axis=1), best)
+    return np.array(kinds)[best], np.take_along_axis(of_kind, best[:, None], axis=1)[:, 0]
+
+
+def _summed(names: Sequence[str], values: FloatArray) -> tuple[list[str], FloatArray]:
+    """Return the different names, and the values (m, k) of each name summed."""
+    different = list(dict.fromkeys(names))
+    belongs = np.array([[name == other for other in different] for name in names], dtype=float)
+    return different, values @ belongs
+
+
+# share of the data sets in which a cause counts as detectable
+POWER = 0.9
+# sizes, in standard deviations of the mean of 40 rows, and data sets of each
+_SIZES, _SETS = np.geomspace(0.5, 8.0, 5) * np.sqrt(40), 20
+# changes of a row between which it is interpolated
+_CHANGES = 60
+
+
+def detectable(result: Search, test: NullTest, rate: float) -> pd.DataFrame:
+    """Return the smallest size of each kind that would have been detected in these rows.
+
+    Data sets with a cause of each kind are evaluated by the evidence of that kind and of "nothing
+    is wrong" alone: another kind may show a smaller one.
+
+    Parameters
+    ----------
+    result : Search
+        The first one, which detected nothing.
+    test : NullTest
+        Of it.
+    rate : float
+        False alarm rate.
+
+    Returns
+    -------
+    DataFrame
+        One row a kind, see `DiscrepancyDiagnosis`.
+    """
+    # a fixed stream: a verdict is reproducible
+    random = np.random.RandomState(0)
+    causes = [w.cause for w in result.candidates if w.cause is not None]
+    place = Place.of(result.context, result.candidates[0].fit, causes)
+    limit = float(np.quantile(test.replicates, 1 - rate, method="higher"))
+    log_prior = np.log(prior_odds([None, *causes]))
+    levels, rows = _SIZES / np.sqrt(len(place.noise)), []
+    for kind in dict.fromkeys(one.kind for one in place.causes):
+        own = [one for one in place.causes if one.kind == kind]
+        prior = log_prior[[0, *(1 + causes.index(one) for one in own)]]
+        forms = [(one, shapes_of(place, one, random)) for one in own]
+        drawn = [(size, hidden(place, forms, float(size), _SETS, random)) for size in levels]
+        made = [(size, one) for size, one in drawn if one is not None]
+        if not made:
+            continue
+        evidence = log_evidence(place, own, np.concatenate([one.responses for _, one in made]))
+        better = np.max(evidence[:, 1:], axis=1) - evidence[:, 0] > limit
+        odds = special.logsumexp(evidence[:, 1:] + prior[1:], axis=1) - evidence[:, 0] - prior[0]
+        seen = (better & (odds >= 0)).reshape(len(made), _SETS)
+        sizes, share = np.array([size for size, _ in made]), np.mean(seen, axis=1)
+        rows.append((kind, size_at(sizes, share, POWER), _change_at(forms, sizes, share)))
+    return pd.DataFrame(rows, columns=["kind", "size", "change"])
+
+
+def _change_at(forms: Sequence[tuple[Cause, Shapes]], sizes: FloatArray, rate: FloatArray) -> float:
+    """Return the largest change of a row of which a cause is detected with `POWER`.
+
+    A step of some height has many sizes, as the parameters follow one place more than another: its
+    rate is the average of those at these sizes.
+    """
+    peak = np.concatenate([np.max(np.abs(one.curves), axis=1) for _, one in forms])
+    odds = prior_odds([cause for cause, _ in forms])
+    weight = np.concatenate([k * one.weight for k, (_, one) in zip(odds, forms, strict=True)])
+    peak, weight = peak[weight * peak > 0], weight[weight * peak > 0]
+    if not len(peak):
+        return np.nan
+    changes = np.geomspace(sizes[0] * peak.min(), sizes[-1] * peak.max(), _CHANGES)
+    log_sizes, rising = np.log(sizes), np.maximum.accumulate(rate)
+    at = np.interp(np.log(changes[:, None] / peak), log_sizes, rising)
+    return size_at(changes, at @ weight / weight.sum(), POWER)
+
+
+def size_at(sizes: FloatArray, rate: FloatArray, power: float) -> float:
+    """Return where a rate over size rises to a power, NaN where it does not.
+
+    Interpolated on a logarithmic scale of size, as a curve that never falls; the smallest size
+    where the rate is as high there.
+
+    Parameters
+    ----------
+    sizes, rate : ndarray of shape (k,)
+        Sizes in rising order.
+    power : float
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> size_at(np.array([1.0, 4.0]), np.array([0.5, 1.0]), 0.75)
+    2.0
+    """
+    size, rate = np.log(sizes), np.maximum.accumulate(rate)
+    if rate[-1] < power:
+        return np.nan
+    k = int(np.argmax(rate >= power))
+    if not k:
+        return float(sizes[0])
+    share = (power - rate[k - 1]) / (rate[k] - rate[k - 1])
+    return float(np.exp(size[k - 1] + share * (size[k] - size[k - 1])))
+
+
+# share of the data sets in which a fault has to show
+_POWER = 0.9
+
+
+def smallest_detectable(result: Search, test: NullTest | None, rate: float) -> float | None:
+    """Return the root mean square of the smallest fault that would have been detected.
+
+    A fault of some size shows where the p-value of the whole search is at most ``rate`` in nine of
+    ten data sets with it, see `faults_of`. The median over the shapes is returned: a parameter of
+    the simulation may absorb one shape, and not the others.
+
+    Parameters
+    ----------
+    result : Search
+        The first one.
+    test : NullTest or None
+        Of the same search.
+    rate : float
+        False alarm rate.
+
+    Returns
+    -------
+    float or None
+        On the scale of eta. None where rows do not vary along an input, or no such fault up to 16
+        times the residual and the emulator's error shows.
+    """
+    if test is None:
+        return None
+    limit = float(np.quantile(test.replicates, 1 - rate, method="higher"))
+    sizes, statistic = test.faults or faults_of(result)
+    if not len(statistic):
+        return None
+    return _median_size(np.mean(statistic > limit, axis=2), sizes)
+
+
+def _median_size(power: FloatArray, sizes: FloatArray) -> float | None:
+    """Return the median over shapes of the size from which on all larger ones show."""
+    enough = np.flip(np.cumprod(np.flip(power >= _POWER, axis=1), axis=1), axis=1).astype(bool)
+    least = np.where(enough.any(axis=1), sizes[np.argmax(enough, axis=1)], np.inf)
+    median = float(np.sort(least)[(len(least) - 1) // 2])
+    return median if np.isfinite(median) else None

@@ -1,1 +1,0 @@
-"""Causes over columns that the simulation ignores: a kind a file."""

@@ -1,1 +1,0 @@
-"""Causes that move the inputs: a kind a file."""

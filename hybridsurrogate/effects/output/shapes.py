@@ -1,0 +1,519 @@
+"""Shapes over one column that add to the output: bump, decay, episode, ramp, saturation, step."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from scipy import stats
+
+from hybridsurrogate.effects.base import Cause, Context, FloatArray, Rows
+from hybridsurrogate.effects.context import MOST_GAPS, UNKNOWN, Axis
+from hybridsurrogate.effects.expressions import Code
+from hybridsurrogate.effects.over_column import FromOrigin, Located
+from hybridsurrogate.effects.registry import Form, over_columns, over_inputs, register
+from hybridsurrogate.priors import frozen
+from hybridsurrogate.types import Prior
+
+
+class Bump(Located):
+    """A bump of unknown location and width over one column, such as a passing disturbance.
+
+    ``simulation + amplitude exp(-(x - location)^2 / (2 width^2))``: amplitude in units of the
+    output, location and width in those of the column. The location is uniform over the measured
+    rows, the width log-uniform from half the distance of neighbouring rows (at most a twentieth of
+    the span) to a quarter of the span.
+
+    Parameters
+    ----------
+    column : str
+        Any measured column.
+    location : frozen scipy.stats distribution or None, default=None
+        Prior of the middle of the bump; bounded.
+    axis : Axis
+        Where the measured rows lie; `prepare` looks.
+
+    Examples
+    --------
+    >>> import numpy as np, hybridsurrogate as hs
+    >>> theta = {"location": 2.0, "width": 1.0}
+    >>> hs.Bump("t").columns({"t": np.array([2.0, 3.0])}, theta).round(3).ravel().tolist()
+    [1.0, 0.607]
+    """
+
+    kind = "bump"
+    coefficients = ("amplitude",)
+
+    def priors_by_name(self) -> Mapping[str, Prior]:
+        """Return the priors of location and width."""
+        low, span = min(self.axis.spacing, 0.1 * self.axis.span), self.axis.span
+        width = frozen(stats.loguniform, 0.5 * low, 0.25 * span)
+        return {"location": self.location, "width": width}
+
+    def grid(self) -> dict[str, FloatArray]:
+        """Return locations and widths."""
+        low, high = self.parameters["width"].support()
+        return {"location": self.locations(80), "width": np.geomspace(low * 1.1, high / 1.1, 7)}
+
+    def columns(self, X: Rows, theta: Rows) -> FloatArray:
+        """Return the bump with height one."""
+        z = (X[self.column] - theta["location"]) / theta["width"]
+        return np.exp(-0.5 * z**2)[:, None]
+
+    def code(self) -> Code:
+        """Return the cause as Python."""
+        return Code(
+            "{amplitude} * np.exp(-0.5 * (({x} - {location}) / {width}) ** 2)",
+            {"amplitude": "{y}", "location": "{x}", "width": "{x}"},
+            {"x": self.column},
+        )
+
+
+register(
+    Form(
+        "bump",
+        Bump,
+        over_inputs(Bump),
+        meaning="around one place of {column} the data rise or dip, and the simulation does not",
+        least_distinct=8,
+        like=("step", "periodic"),
+        headline=(
+            "The simulation misses a {amplitude:rise|dip} of {output} by "
+            "{amplitude:size} around {column} = {location:place}"
+        ),
+        priors="location: uniform; width: log-uniform, half a spacing (at most a twentieth of the "
+        "span) to a quarter of the span",
+        estimates="location, width, amplitude",
+        left_out="fewer than 8 distinct values",
+    )
+)
+
+
+class Decay(FromOrigin):
+    """A deviation at the beginning that dies away, such as an instrument that warms up.
+
+    ``simulation + amplitude exp(-(x - origin) / scale)``: first-order relaxation from the first
+    measured row on, and the full amplitude before it. The amplitude is in units of the output, the
+    scale (after which 37 % remains) in units of the column. The scale is log-uniform between two
+    distances of neighbouring rows and the measured span.
+
+    Parameters
+    ----------
+    column : str
+        Any measured column.
+    scale : frozen scipy.stats distribution or None, default=None
+        Prior of the scale; positive.
+    origin : float or None, default=None
+        Where the amplitude is meant. None: the smallest measured value.
+    axis : Axis
+        Where the measured rows lie; `prepare` looks.
+
+    Examples
+    --------
+    >>> import numpy as np, hybridsurrogate as hs
+    >>> decay = hs.Decay("t", origin=1.0)
+    >>> decay.columns({"t": np.array([1.0, 3.0])}, {"scale": 2.0}).round(3).ravel().tolist()
+    [1.0, 0.368]
+    """
+
+    kind = "decay"
+    coefficients = ("amplitude",)
+    unknowns = ("scale",)
+
+    def __init__(
+        self,
+        column: str,
+        scale: Prior | None = None,
+        origin: float | None = None,
+        axis: Axis = UNKNOWN,
+    ):
+        super().__init__(column, origin, axis)
+        self.scale = scale
+
+    def prepare(self, context: Context) -> Cause:
+        """Fill in origin and prior from the measured rows."""
+        axis = self.along(context)
+        shortest = min(2 * axis.spacing, 0.5 * axis.span)
+        scale = self.scale or frozen(stats.loguniform, shortest, axis.span)
+        return self.filled(axis=axis, scale=scale)
+
+    def columns(self, X: Rows, theta: Rows) -> FloatArray:
+        """Return the share that remains."""
+        return np.exp(-self.distance(X) / theta["scale"])[:, None]
+
+    def code(self) -> Code:
+        """Return the cause as Python."""
+        return Code(
+            "{amplitude} * np.exp(-np.maximum({x} - {origin}, 0) / {scale})",
+            {"amplitude": "{y}", "scale": "{x}"},
+            {"x": self.column},
+            {"origin": self.pivot},
+        )
+
+
+register(
+    Form(
+        "decay",
+        Decay,
+        over_inputs(Decay),
+        meaning="a gap at the start of {column} dies away",
+        least_distinct=6,
+        like=("saturation", "bump"),
+        headline=(
+            "{output} starts {amplitude:size} {amplitude:above|below} the "
+            "simulation, and the gap dies away over {scale}"
+        ),
+        formula="eta + amplitude exp(-(x - origin) / scale); origin: smallest measured x",
+        priors="scale: log-uniform, 2 spacings to the span",
+        estimates="amplitude, scale",
+        left_out="fewer than 6 distinct values",
+    )
+)
+
+
+class Episode(Located):
+    """An added level between two unknown places: an instrument that read otherwise for some years.
+
+    ``simulation``, and ``+ amplitude`` for location <= x < end. The amplitude is in units of the
+    output, location and end in those of the column. The location is uniform over the measured rows.
+    Given it the length is log-uniform, from the distance of neighbouring rows (at most a twentieth
+    of the span) to the distance of the last row. ``share`` is its quantile in that prior. So an
+    episode ends before the last row: one that does not is a `Step`.
+
+    Parameters
+    ----------
+    column : str
+        Any measured column.
+    location : frozen scipy.stats distribution or None, default=None
+        Prior of the place where it begins; bounded.
+    axis : Axis
+        Where the measured rows lie; `prepare` looks.
+
+    Examples
+    --------
+    >>> import numpy as np, hybridsurrogate as hs
+    >>> from hybridsurrogate.effects.context import Axis
+    >>> episode = hs.Episode("t", axis=Axis.of(np.linspace(0, 10, 21)))
+    >>> theta = {"location": np.array([2.0]), "share": np.array([0.5])}
+    >>> {name: float(values[0]) for name, values in episode.estimates(theta, {}).items()}
+    {'location': 2.0, 'end': 4.0}
+    >>> episode.columns({"t": np.array([1.0, 2.0, 3.9, 4.0])}, theta).ravel().tolist()
+    [0.0, 1.0, 1.0, 0.0]
+    """
+
+    kind = "episode"
+    coefficients = ("amplitude",)
+
+    def priors_by_name(self) -> Mapping[str, Prior]:
+        """Return the priors of the location and of the length's share."""
+        return {"location": self.location, "share": frozen(stats.uniform)}
+
+    def grid(self) -> dict[str, FloatArray]:
+        """Return locations and shares of lengths."""
+        return {"location": self.locations(80), "share": (np.arange(10) + 0.5) / 10}
+
+    def end(self, theta: Rows) -> FloatArray:
+        """Return where it ends."""
+        axis = self.axis
+        shortest = min(axis.spacing, 0.05 * axis.span)
+        longest = np.maximum(axis.center + 0.5 * axis.span - theta["location"], shortest)
+        return theta["location"] + shortest * (longest / shortest) ** theta["share"]
+
+    def columns(self, X: Rows, theta: Rows) -> FloatArray:
+        """Return 1 within the episode, 0 elsewhere."""
+        x = X[self.column]
+        return ((x >= theta["location"]) & (x < self.end(theta))).astype(float)[:, None]
+
+    def estimates(self, theta: Rows, coefficients: Rows) -> dict[str, FloatArray]:
+        """Return where it begins and ends, and the amplitude."""
+        begin = np.asarray(theta["location"])
+        return {"location": begin, "end": self.end(theta), **coefficients}
+
+    def code(self) -> Code:
+        """Return the cause as Python."""
+        return Code(
+            "{amplitude} * (({x} >= {location}) & ({x} < {end}))",
+            {"amplitude": "{y}", "location": "{x}", "end": "{x}"},
+            {"x": self.column},
+        )
+
+
+register(
+    Form(
+        "episode",
+        Episode,
+        over_inputs(Episode),
+        meaning="between two places of {column} {output} has another level, and the simulation "
+        "has not",
+        least_distinct=8,
+        like=("step", "bump"),
+        headline=(
+            "From {column} = {location:place} to {end:place} {output} is {amplitude:size} "
+            "{amplitude:above|below} the simulation"
+        ),
+        formula="eta, + amplitude from location to end",
+        priors="location: uniform over the rows; length: log-uniform, a spacing (at most a "
+        "twentieth of the span) to the distance of the last row",
+        estimates="location, end, amplitude",
+        left_out="fewer than 8 distinct values",
+    )
+)
+
+
+class Ramp(Located):
+    """Nothing before an unknown location, a straight line after it: a sensor that starts to drift.
+
+    ``simulation + slope max(x - location, 0)``, the hinge of piecewise linear regression (Friedman
+    1991, Annals of Statistics 19:1). The slope is in units of the output per unit of the
+    column; the location is uniform over the measured rows.
+
+    Parameters
+    ----------
+    column : str
+        Any measured column.
+    location : frozen scipy.stats distribution or None, default=None
+        Prior of the place where the change sets in; bounded.
+    axis : Axis
+        Where the measured rows lie; `prepare` looks.
+
+    Examples
+    --------
+    >>> import numpy as np, hybridsurrogate as hs
+    >>> from hybridsurrogate.effects.context import Axis
+    >>> ramp = hs.Ramp("t", axis=Axis.of([0.0, 10.0]))
+    >>> ramp.columns({"t": np.array([2.0, 4.0, 9.0])}, {"location": 4.0}).ravel().tolist()
+    [0.0, 0.0, 0.5]
+    """
+
+    kind = "ramp"
+    coefficients = ("slope",)
+    unknowns = ("location",)
+
+    def grid(self) -> dict[str, FloatArray]:
+        """Return locations; a hinge needs fewer than a step does."""
+        return {"location": self.locations(60)}
+
+    def columns(self, X: Rows, theta: Rows) -> FloatArray:
+        """Return the distance beyond the location, in spans of the measured rows."""
+        return (np.maximum(X[self.column] - theta["location"], 0.0) / self.axis.span)[:, None]
+
+    def estimates(self, theta: Rows, coefficients: Rows) -> dict[str, FloatArray]:
+        """Return the location, and the slope per unit of the column after it."""
+        return {
+            "location": np.asarray(theta["location"]),
+            "slope": coefficients["slope"] / self.axis.span,
+        }
+
+    def code(self) -> Code:
+        """Return the cause as Python."""
+        return Code(
+            "{slope} * np.maximum({x} - {location}, 0)",
+            {"location": "{x}", "slope": "{y} / {x}"},
+            {"x": self.column},
+        )
+
+
+register(
+    Form(
+        "ramp",
+        Ramp,
+        over_inputs(Ramp),
+        meaning="from one place of {column} on the gap grows steadily",
+        least_distinct=6,
+        like=("trend", "step"),
+        headline=(
+            "From {column} = {location:place} on {output} {slope:rises above|falls "
+            "below} the simulation by {slope:size}"
+        ),
+        priors="location: uniform over the rows",
+        estimates="location, slope",
+        left_out="fewer than 6 distinct values",
+    )
+)
+
+
+class Saturation(FromOrigin):
+    """A deviation that grows over a column and levels off, such as binding sites that fill up.
+
+    ``simulation + amplitude u / (u + half - origin)`` with u = x - origin (zero before it): the
+    rate law of Michaelis and Menten (1913, Biochemische Zeitschrift 49:333). The amplitude is what
+    is reached in the end, in units of the output; ``half`` is the place in units of the column at
+    which half of it is reached. Its distance from the origin is log-uniform between one distance
+    of neighbouring rows and the measured span.
+
+    Parameters
+    ----------
+    column : str
+        Any measured column.
+    half : frozen scipy.stats distribution or None, default=None
+        Prior of the place where half is reached; above the origin.
+    origin : float or None, default=None
+        Where the deviation begins. None: the smallest measured value.
+    axis : Axis
+        Where the measured rows lie; `prepare` looks.
+
+    Examples
+    --------
+    >>> import numpy as np, hybridsurrogate as hs
+    >>> filling = hs.Saturation("dose", origin=0.0)
+    >>> filling.columns({"dose": np.array([0.0, 2.0, 6.0])}, {"half": 2.0}).ravel().tolist()
+    [0.0, 0.5, 0.75]
+    """
+
+    kind = "saturation"
+    coefficients = ("amplitude",)
+    unknowns = ("half",)
+
+    def __init__(
+        self,
+        column: str,
+        half: Prior | None = None,
+        origin: float | None = None,
+        axis: Axis = UNKNOWN,
+    ):
+        super().__init__(column, origin, axis)
+        self.half = half
+
+    def prepare(self, context: Context) -> Cause:
+        """Fill in origin and prior from the measured rows."""
+        axis = self.along(context)
+        begin = axis.origin if self.origin is None else self.origin
+        shortest = min(axis.spacing, 0.5 * axis.span)
+        half = self.half or frozen(stats.loguniform, shortest, axis.span, loc=begin)
+        return self.filled(axis=axis, half=half)
+
+    def columns(self, X: Rows, theta: Rows) -> FloatArray:
+        """Return the share that is reached."""
+        u = self.distance(X)
+        return (u / (u + (theta["half"] - self.pivot)))[:, None]
+
+    def code(self) -> Code:
+        """Return the cause as Python."""
+        return Code(
+            "{amplitude} * {beyond} / ({beyond} + ({half} - {origin}))",
+            {"amplitude": "{y}", "half": "{x}"},
+            {"x": self.column},
+            {"origin": self.pivot},
+            steps={"beyond": "np.maximum({x} - {origin}, 0)"},
+        )
+
+
+register(
+    Form(
+        "saturation",
+        Saturation,
+        over_inputs(Saturation),
+        meaning="a gap grows over {column} and levels off",
+        least_distinct=6,
+        like=("trend", "decay"),
+        headline=(
+            "{output} {amplitude:rises above|falls below} the simulation over "
+            "{column} and levels off"
+        ),
+        formula="eta + amplitude (x - origin) / ((x - origin) + (half - origin))",
+        priors="half - origin: log-uniform, one spacing to the span",
+        estimates="amplitude, half (where half of it is reached)",
+        left_out="fewer than 6 distinct values",
+    )
+)
+
+
+class Step(Located):
+    """A sudden change of level at an unknown location over one column.
+
+    ``simulation + amplitude`` from x = location on; with ``before=True`` ``simulation - amplitude``
+    up to there instead, and the simulation as it is from there on. Either way the amplitude is the
+    change of level at the location. Where the simulation has a parameter that sets its level the
+    two are the same curve. Amplitude in units of the output,
+    location in those of the column and uniform over the measured rows. The jump has no width: no
+    row lies on it, and between two rows every location is equally probable.
+
+    Parameters
+    ----------
+    column : str
+        Any measured column.
+    location : frozen scipy.stats distribution or None, default=None
+        Prior of the place of the jump; bounded.
+    before : bool, default=False
+    axis : Axis
+        Where the measured rows lie; `prepare` looks.
+
+    Examples
+    --------
+    >>> import numpy as np, hybridsurrogate as hs
+    >>> step = hs.Step("t")
+    >>> step.columns({"t": np.array([1.0, 4.0])}, {"location": 2.5}).ravel().tolist()
+    [0.0, 1.0]
+    """
+
+    kind = "step"
+    coefficients = ("amplitude",)
+    unknowns = ("location",)
+
+    def __init__(
+        self,
+        column: str,
+        location: Prior | None = None,
+        before: bool = False,
+        axis: Axis = UNKNOWN,
+    ):
+        super().__init__(column, location, axis)
+        self.before = before
+
+    @property
+    def variant(self) -> str:
+        """On which side the level is off, where it is not the usual one."""
+        return "before" if self.before else ""
+
+    def grid(self) -> dict[str, FloatArray]:
+        """Return the gaps between neighbouring rows; of many rows two locations a distance."""
+        many = len(self.axis.rows) > MOST_GAPS
+        return {"location": self.locations(200) if many else self.axis.gaps(self.location)}
+
+    def columns(self, X: Rows, theta: Rows) -> FloatArray:
+        """Return 0 before and 1 from the location on, or -1 before and 0 from there on."""
+        after = (X[self.column] >= theta["location"]).astype(float)
+        return (after - self.before)[:, None]
+
+    def code(self) -> Code:
+        """Return the cause as Python."""
+        return Code(
+            "-{amplitude} * ({x} < {location})"
+            if self.before
+            else "{amplitude} * ({x} >= {location})",
+            {"location": "{x}", "amplitude": "{y}"},
+            {"x": self.column},
+        )
+
+
+register(
+    Form(
+        "step",
+        Step,
+        over_columns(Step),
+        meaning="{output} changes level at one place of {column}, and the simulation does not",
+        least_distinct=6,
+        like=("ramp", "parameter-drift"),
+        headline=(
+            "At {column} = {location:place} {output} {amplitude:rises|falls} by "
+            "{amplitude:size}, and the simulation does not"
+        ),
+        formula="eta, + amplitude from location on",
+        priors="location: uniform over the rows",
+        estimates="location, amplitude",
+        left_out="fewer than 6 distinct values",
+    )
+)
+register(
+    Form(
+        "step: before",
+        Step,
+        over_columns(lambda column: Step(column, before=True)),
+        least_distinct=6,
+        call="`Step(x, before=True)`",
+        formula="eta, - amplitude before location",
+        priors="the same",
+        estimates="location, amplitude",
+        left_out="the same",
+    )
+)

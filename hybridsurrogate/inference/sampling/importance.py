@@ -1,0 +1,437 @@
+"""Importance sampling: Student-t proposals around modes, adapted, reweighted, moved.
+
+Densities take a batch of points (J, d) and return (J,), so every step below is one call.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import special
+
+from hybridsurrogate.inference.sampling.modes import Gaussian, LogDensity
+from hybridsurrogate.inference.sampling.settings import SETTINGS
+from hybridsurrogate.numerics.psis import KHAT_LIMIT, level_smooth, pareto_smooth
+from hybridsurrogate.types import FloatArray
+
+# indices of points
+Cell = NDArray[np.intp]
+
+DEGREES_OF_FREEDOM = 5.0
+PROPOSAL_SCALE = 1.1
+
+
+def student_draws(
+    approximation: Gaussian, n: int, random_state: np.random.RandomState
+) -> FloatArray:
+    """Draw n points from the Student-t proposal around a Gaussian approximation."""
+    drawn = standard_student_draws((n, len(approximation.mean)), random_state)
+    return approximation.mean + PROPOSAL_SCALE * drawn @ approximation.factor.T
+
+
+def standard_student_draws(
+    shape: tuple[int, ...], random_state: np.random.RandomState
+) -> FloatArray:
+    """Draw standard Student-t variables; the last axis of the shape holds those of one point."""
+    normal = random_state.standard_normal(shape)
+    chi2 = random_state.chisquare(DEGREES_OF_FREEDOM, size=(*shape[:-1], 1)) / DEGREES_OF_FREEDOM
+    return normal / np.sqrt(chi2)
+
+
+def student_log_density(approximations: Sequence[Gaussian], x: FloatArray) -> FloatArray:
+    """Return the log densities (K, J) of the proposals around K Gaussians at points (J, d)."""
+    factors = PROPOSAL_SCALE * np.array([g.factor for g in approximations])
+    means = np.array([g.mean for g in approximations])
+    scaled = np.linalg.inv(factors) @ (x[None] - means[:, None]).transpose(0, 2, 1)
+    log_det = np.log(np.diagonal(factors, axis1=1, axis2=2)).sum(axis=1)
+    squares = np.einsum("kdj,kdj->kj", scaled, scaled)
+    return standard_student(squares, x.shape[1]) - log_det[:, None]
+
+
+def standard_student(squares: FloatArray, d: int) -> FloatArray:
+    """Return the log density of d standard Student-t variables at a squared distance from 0."""
+    nu = DEGREES_OF_FREEDOM
+    return (
+        special.gammaln((nu + d) / 2)
+        - special.gammaln(nu / 2)
+        - 0.5 * d * np.log(nu * np.pi)
+        - 0.5 * (nu + d) * np.log1p(squares / nu)
+    )
+
+
+def mixture_points(
+    components: list[Gaussian], n: int, random_state: np.random.RandomState
+) -> FloatArray:
+    """Draw n points from a mixture of Student-t proposals.
+
+    Components weigh as much as their masses, but at least a twentieth (of many: half of an equal
+    share), so that a small mode far away gets enough points to estimate its mass.
+    """
+    cumulative = np.concatenate([[0.0], np.cumsum(_shares(components))])
+    counts = np.diff(np.round(n * cumulative).astype(int))
+    return np.concatenate(
+        [student_draws(g, k, random_state) for g, k in zip(components, counts, strict=True)]
+    )
+
+
+def mixture_log_density(components: list[Gaussian], points: FloatArray) -> FloatArray:
+    """Return the log density of that mixture at points (J, d)."""
+    terms = np.log(_shares(components))[:, None] + student_log_density(components, points)
+    out: FloatArray = np.logaddexp.reduce(terms, axis=0)
+    return out
+
+
+def _shares(components: list[Gaussian]) -> FloatArray:
+    mass = np.array([g.log_mass for g in components])
+    least = min(SETTINGS.least_proposed, 0.5 / len(components))
+    share = np.maximum(np.exp(mass - np.logaddexp.reduce(mass)), least)
+    return share / share.sum()
+
+
+def cells_of(modes: Sequence[Gaussian], points: FloatArray) -> list[Cell]:
+    """Return which points (J, d) are nearest to which mode; all are one cell without modes."""
+    if len(modes) < 2:
+        return [np.arange(len(points))]
+    nearest = student_log_density(modes, points).argmax(axis=0)
+    return [np.flatnonzero(nearest == k) for k in range(len(modes))]
+
+
+def balanced(
+    log_weight: FloatArray, cells: list[Cell], doubtful: NDArray[np.bool_], d: int
+) -> FloatArray:
+    """Return weights (J,) by which proposals are shaped, cell by cell.
+
+    A cell with a bad tail gets a fair share: how much lies there is not known yet, and more points
+    are how it comes to be. The weights of too few effective points are evened out by a power.
+    """
+    out = np.exp(log_weight - special.logsumexp(log_weight))
+    for cell, doubted in zip(cells, doubtful, strict=True):
+        if np.isfinite(log_weight[cell]).any():
+            fair = 0.5 / len(cells) if doubted and len(cells) > 1 else 0.0
+            share = max(out[cell].sum(), fair)
+            out[cell] = share * _evened(log_weight[cell], SETTINGS.shaping * d)
+    return out / out.sum()
+
+
+def _evened(log_weight: FloatArray, least: float) -> FloatArray:
+    """Return normalised weights to the largest power up to one with so many effective points."""
+    low, high = 0.0, 2.0
+    for _ in range(SETTINGS.proposal_halvings):
+        power = 0.5 * (low + high)
+        weight: FloatArray = special.softmax(power * log_weight)
+        if 1 / np.sum(weight**2) < least:
+            high = power
+        elif power == 1.0:
+            break
+        else:
+            low = power
+    return weight
+
+
+def matched(points: FloatArray, weight: FloatArray, components: list[Gaussian]) -> list[Gaussian]:
+    """Return each component moved to the moments of the points that it is responsible for."""
+    share = _responsible(points, weight, components)
+    mass = share.sum(axis=1)
+    moved = [
+        moment_match(points, own / m, g) if m > SETTINGS.least_share else g
+        for own, m, g in zip(share, mass, components, strict=True)
+    ]
+    return [
+        replace(g, log_mass=float(np.log(max(m, SETTINGS.least_share))))
+        for g, m in zip(moved, mass, strict=True)
+    ]
+
+
+def slices(points: FloatArray, weight: FloatArray, components: list[Gaussian]) -> list[Gaussian]:
+    """Return proposals along each component: slices of its points across their longest axis."""
+    out = []
+    for own, g in zip(_responsible(points, weight, components), components, strict=True):
+        if own.sum() <= SETTINGS.least_share:
+            continue
+        axis = np.linalg.eigh(g.factor @ g.factor.T)[1][:, -1]
+        order = np.argsort(points @ axis)
+        part = np.minimum(
+            SETTINGS.slices * np.cumsum(own[order]) / own.sum(), SETTINGS.slices - 1
+        ).astype(int)
+        for k in range(SETTINGS.slices):
+            inside = order[part == k]
+            m = own[inside].sum()
+            if m > SETTINGS.least_share:
+                one = moment_match(points[inside], own[inside] / m, g)
+                out.append(replace(one, log_mass=float(np.log(m))))
+    return out
+
+
+def _responsible(points: FloatArray, weight: FloatArray, components: list[Gaussian]) -> FloatArray:
+    """Share the weights of points (J,) among components, (K, J)."""
+    mass = np.array([g.log_mass for g in components])
+    log_terms = mass[:, None] + student_log_density(components, points)
+    return weight * np.exp(log_terms - np.logaddexp.reduce(log_terms, axis=0))
+
+
+def moment_match(points: FloatArray, weight: FloatArray, fallback: Gaussian) -> Gaussian:
+    """Return the Gaussian with the weighted moments of points, kept away from collapse."""
+    d = points.shape[1]
+    mean = weight @ points
+    centred = points - mean
+    covariance = (centred * weight[:, None]).T @ centred
+    effective = 1 / np.sum(weight**2)
+    share = effective / (effective + 2 * d)
+    covariance = share * covariance + (1 - share) * fallback.factor @ fallback.factor.T
+    covariance += 1e-12 * np.trace(covariance) / d * np.eye(d)
+    return Gaussian(mean, np.linalg.cholesky(covariance), fallback.log_mass)
+
+
+@dataclass(frozen=True)
+class Proposals:
+    """Points (J, d) and the log density (J,) that they were drawn from."""
+
+    points: FloatArray
+    log_density: FloatArray
+
+
+@dataclass(frozen=True)
+class ImportanceDraws:
+    """Resampled draws and how reliable they are.
+
+    Attributes
+    ----------
+    draws : ndarray of shape (n_draws, d)
+    khat : float
+        Shape of the Pareto tail of the weights; above 0.7 the draws are unreliable.
+    effective_draws : float
+        1 / sum of squared normalised weights.
+    log_evidence : float
+        Log of the mean weight, an estimate of the log normalising constant.
+    log_evidence_error : float
+        Its standard error, from the spread of the weights.
+    proposals : Proposals
+        Of all rounds.
+    """
+
+    draws: FloatArray
+    khat: float
+    effective_draws: float
+    log_evidence: float
+    log_evidence_error: float
+    proposals: Proposals
+
+
+def importance_draws(
+    log_density: LogDensity,
+    components: list[Gaussian],
+    n_proposals: int,
+    n_draws: int,
+    random_state: np.random.RandomState,
+    max_rounds: int = 6,
+    n_noise: int = 0,
+    modes: Sequence[Gaussian] = (),
+) -> ImportanceDraws:
+    """Draw from a density through Student-t proposals with Pareto-smoothed weights.
+
+    The last ``n_noise`` dimensions of the density get proposals that are standard normal or, every
+    other one, Student-t: exact where the density is nearly normal, and safe where its tails are
+    heavier. Their width is adapted with the rest.
+
+    Where fewer than a tenth of the proposals are effective, or the tail of the weights is bad, the
+    next round has proposals at the weighted mean and covariance of each one's share of the draws
+    (Cappe, Douc, Guillin, Marin and Robert 2008, Statistics and Computing 18:447), and of slices
+    of it along its longest axis, which follow a bend. The draws of all rounds get their weights
+    from the mixture of all proposals, so that none is lost (Cornuet, Marin, Mira and Robert 2012,
+    Scandinavian Journal of Statistics 39:798).
+
+    Where there are several ``modes``, the weights near each of them have a separate k-hat, and the
+    largest counts: good draws at one mode do not show the mass of another.
+    """
+    rounds: list[_Round] = []
+    scale, target = 1.0, np.empty(0)
+    mixed: FloatArray = np.empty(0)
+    # with coefficients among the unknowns each value is optimised: what can be trusted is enough
+    good = KHAT_LIMIT if n_noise else SETTINGS.good_khat
+    for round_ in range(max_rounds):
+        rounds.append(_drawn(components, scale, n_proposals, n_noise, random_state))
+        target = np.append(target, log_density(rounds[-1].points))
+        points = np.concatenate([one.points for one in rounds])
+        shaped = points[:, : points.shape[1] - n_noise]
+        mixed = _mixed(mixed, rounds, points, n_noise)
+        log_proposal = mixed - np.log(len(rounds))
+        log_weight = target - log_proposal
+        cells = cells_of(modes, shaped)
+        smoothed, khats = _smoothed_by_cell(log_weight, cells)
+        khat = max(khats)
+        weight = np.exp(smoothed - special.logsumexp(smoothed))
+        effective = float(1 / np.sum(weight**2))
+        enough = effective >= 0.1 * n_proposals
+        if (enough and khat <= good) or round_ == max_rounds - 1:
+            break
+        shaping = balanced(smoothed, cells, np.asarray(khats) > good, shaped.shape[1])
+        components = matched(shaped, shaping, components)
+        if len(components) <= SETTINGS.most_sliced:
+            components = [*components, *slices(shaped, shaping, components)]
+        if n_noise:
+            noise = points[:, -n_noise:]
+            spread = np.sqrt(weight @ np.einsum("jk,jk->j", noise, noise) / n_noise)
+            scale = float(np.clip(spread, 0.5, 2.0))
+    index = systematic_resample(weight, n_draws, random_state)
+    proposals = Proposals(points, log_proposal)
+    return ImportanceDraws(points[index], khat, effective, *log_mean(log_weight), proposals)
+
+
+def log_mean(log_weight: FloatArray) -> tuple[float, float]:
+    """Return the log of the mean weight and its standard error, by the spread of the weights."""
+    value = float(special.logsumexp(log_weight) - np.log(len(log_weight)))
+    relative = np.exp(log_weight - value)
+    return value, float(np.std(relative) / np.sqrt(len(relative)))
+
+
+class _Round(NamedTuple):
+    """Points (J, d + n_noise) of one round, and what they were drawn from."""
+
+    points: FloatArray
+    components: list[Gaussian]
+    scale: float
+
+
+def _drawn(
+    components: list[Gaussian],
+    scale: float,
+    n: int,
+    n_noise: int,
+    random_state: np.random.RandomState,
+) -> _Round:
+    points = mixture_points(components, n, random_state)
+    noise = _noise_points(n, n_noise, scale, random_state)
+    return _Round(np.hstack([points, noise]), components, scale)
+
+
+def _mixed(
+    before: FloatArray, rounds: Sequence[_Round], points: FloatArray, n_noise: int
+) -> FloatArray:
+    """Return the log of the summed densities of all rounds (J,), those of the last one added.
+
+    ``before`` holds it for the points and the densities of the rounds before.
+    """
+    old, new = points[: len(before)], points[len(before) :]
+    added = np.logaddexp(before, _round_log_density(rounds[-1], old, n_noise))
+    terms = [_round_log_density(one, new, n_noise) for one in rounds]
+    return np.concatenate([added, special.logsumexp(terms, axis=0)])
+
+
+def _round_log_density(one: _Round, points: FloatArray, n_noise: int) -> FloatArray:
+    d = points.shape[1] - n_noise
+    squares = np.einsum("jk,jk->j", points[:, d:], points[:, d:])
+    shaped = mixture_log_density(one.components, points[:, :d])
+    return shaped + _noise_log_density(squares, n_noise, one.scale)
+
+
+def _smoothed_by_cell(log_weight: FloatArray, cells: list[Cell]) -> tuple[FloatArray, list[float]]:
+    """Return log weights, smoothed in each cell, and the k-hat of each."""
+    out = log_weight.copy()
+    khats = []
+    for cell in cells:
+        khats.append(np.inf)
+        if np.count_nonzero(np.isfinite(log_weight[cell])) >= SETTINGS.fewest_near:
+            out[cell], khats[-1] = level_smooth(log_weight[cell])
+    return out, khats
+
+
+def _noise_points(n: int, d: int, scale: float, random_state: np.random.RandomState) -> FloatArray:
+    """Return n points (n, d), half of them normal and half Student-t."""
+    if not d:
+        return np.empty((n, 0))
+    points = random_state.standard_normal((n, d))
+    chi2 = random_state.chisquare(DEGREES_OF_FREEDOM, size=(n // 2, 1)) / DEGREES_OF_FREEDOM
+    points[: n // 2] /= np.sqrt(chi2)
+    return scale * points
+
+
+def _noise_log_density(squares: FloatArray, d: int, scale: float) -> FloatArray:
+    """Return the log density of such points at squared distances from 0."""
+    if not d:
+        return np.zeros(len(squares))
+    squares = squares / scale**2
+    log_normal = -0.5 * squares - 0.5 * d * np.log(2 * np.pi)
+    log_student = standard_student(squares, d)
+    return np.logaddexp(log_normal, log_student) - np.log(2) - d * np.log(scale)
+
+
+def systematic_resample(
+    weight: FloatArray, n: int, random_state: np.random.RandomState
+) -> NDArray[np.intp]:
+    """Return n indices with the given probabilities, in random order."""
+    positions = (np.arange(n) + random_state.uniform()) / n
+    cumulative = np.cumsum(weight)
+    index = np.searchsorted(cumulative / cumulative[-1], positions)
+    return random_state.permutation(np.minimum(index, len(weight) - 1))
+
+
+def matched_draws(
+    log_density: LogDensity,
+    proposals: Proposals,
+    n_draws: int,
+    random_state: np.random.RandomState,
+    n_noise: int = 0,
+) -> ImportanceDraws:
+    """Draw from a density through proposals made for another, moved by moment matching.
+
+    Affine maps of the proposals towards the weighted moments, one after the other (mean, scales,
+    covariance), each kept where it makes k-hat smaller (Paananen, Piironen, Burkner and Vehtari
+    2021, Statistics and Computing 31:16, algorithm 2).
+
+    Parameters
+    ----------
+    log_density : callable
+    proposals : Proposals
+    n_draws : int
+    random_state : RandomState
+    n_noise : int, default=0
+        Dimensions at the end that are standard normal in the proposals and stay as they are.
+
+    Returns
+    -------
+    ImportanceDraws
+        Its k-hat shows whether the draws are reliable.
+    """
+    d = proposals.points.shape[1] - n_noise
+    log_weight = log_density(proposals.points) - proposals.log_density
+    smoothed, khat = pareto_smooth(log_weight)
+    for k in range(SETTINGS.max_transforms):
+        weight = np.exp(smoothed - special.logsumexp(smoothed))
+        effective = 1 / np.sum(weight**2)
+        if khat <= KHAT_LIMIT and effective >= SETTINGS.enough_matched * len(weight):
+            break
+        moved = _moved(proposals, weight, d, ("mean", "scales", "covariance")[k % 3])
+        new_weight = log_density(moved.points) - moved.log_density
+        new_smoothed, new_khat = pareto_smooth(new_weight)
+        if new_khat < khat:
+            proposals, log_weight, smoothed, khat = moved, new_weight, new_smoothed, new_khat
+    weight = np.exp(smoothed - special.logsumexp(smoothed))
+    index = systematic_resample(weight, n_draws, random_state)
+    return ImportanceDraws(
+        proposals.points[index],
+        khat,
+        float(1 / np.sum(weight**2)),
+        *log_mean(log_weight),
+        proposals,
+    )
+
+
+def _moved(proposals: Proposals, weight: FloatArray, d: int, how: str) -> Proposals:
+    """Return proposals mapped so that their plain moments are their weighted ones."""
+    points = proposals.points[:, :d]
+    plain, target = points.mean(axis=0), weight @ points
+    factor: FloatArray = np.eye(d)
+    if how != "mean":
+        wanted = ((points - target) * weight[:, None]).T @ (points - target)
+        present = np.cov(points.T, bias=True).reshape(d, d)
+        if how == "scales" or np.linalg.eigvalsh(wanted)[0] < 1e-10 * np.trace(wanted):
+            factor = np.diag(np.sqrt(np.diag(wanted) / np.diag(present)))
+        else:
+            factor = np.linalg.cholesky(wanted) @ np.linalg.inv(np.linalg.cholesky(present))
+    out = proposals.points.copy()
+    out[:, :d] = target + (points - plain) @ factor.T
+    return Proposals(out, proposals.log_density - np.linalg.slogdet(factor)[1])
