@@ -253,6 +253,8 @@ def _without_parameters(
 
 # a prior scale that is as good as zero, whose square is a number still
 _NO_SIZE = 1e-100
+# a smaller gain of the objective, or a smaller one that is promised, is none
+_LEAST_GAIN = 1e-4
 
 # whitened values, their rows along an axis
 Whiten = Callable[[FloatArray, int], FloatArray]
@@ -448,6 +450,7 @@ def optimise(
     for _ in range(SETTINGS.max_steps):
         parts = linearise(model, X, emulator, grid, proposal, columns, recent)
         here, move, deviance = _solve(parts, y, grid, proposal, sigma, size)
+        promised = here.objective - float((deviance + 2 * parts.log_weight)[here.node])
         here = here._replace(node=int(followed[here.node]))
         if costly and len(followed) > SETTINGS.nodes_followed and np.isfinite(here.objective):
             index = np.argsort(deviance)[: SETTINGS.nodes_followed]
@@ -456,10 +459,11 @@ def optimise(
             if best is None:
                 return here
             step *= 0.3
-        elif best is None or here.objective < best.objective - 1e-4:
+        elif best is None or here.objective < best.objective - _LEAST_GAIN:
             gain = np.inf if best is None else best.objective - here.objective
             best, point, target, step = here, proposal, move, 1.0
-            if gain < SETTINGS.gain_converged:
+            # where the linear model promises nothing no shorter step is tried: 60 % of all steps
+            if gain < SETTINGS.gain_converged or promised < _LEAST_GAIN:
                 break
         else:
             step *= 0.3
