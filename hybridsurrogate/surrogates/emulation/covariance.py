@@ -21,6 +21,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import cho_solve, cholesky, solve_triangular
+from scipy.linalg.lapack import dpstrf
 from scipy.optimize import minimize
 
 from hybridsurrogate.numerics.linear_algebra import blocks, in_turn, nudged_cholesky
@@ -31,6 +32,10 @@ from hybridsurrogate.types import FloatArray
 # in order (of runs that are curves fewer: each is as much as hundreds of rows), and the process is
 # conditioned on at most so many
 _LEARN, _LEARN_CURVES, MOST_RUNS, _CURVES = 500, 200, 5000, 2000
+# of the nugget: where others leave no more of a run it is none of those that a prediction is made
+# of. Of 2,000 curves the mean then moved by at most 0.07 of its error, which is the same; at a
+# tenth by one and a half of them
+_GIVEN = 0.01
 
 
 class Places(NamedTuple):
@@ -221,12 +226,15 @@ class Conditioned(NamedTuple):
     misses : ndarray of shape (n,)
         Squared leave-one-out errors of the runs, in units of their variance; of several outputs
         the sums of both.
+    centers : ndarray of shape (m,)
+        The runs that ``weights`` and ``whiten`` are of, if not all.
     """
 
     weights: FloatArray
     whiten: FloatArray
     sd: FloatArray
     misses: FloatArray
+    centers: NDArray[np.intp] | slice = slice(None)
 
 
 def conditioned(matrix: FloatArray, nugget: float, residual: FloatArray) -> Conditioned:
@@ -235,13 +243,45 @@ def conditioned(matrix: FloatArray, nugget: float, residual: FloatArray) -> Cond
     lower = nudged_cholesky((matrix + nugget * np.eye(n))[None])[0]
     whiten: FloatArray = solve_triangular(lower, np.eye(n), lower=True)
     weights = whiten.T @ (whiten @ residual)
+    return Conditioned(weights, whiten, *_left_out(residual, weights, np.sum(whiten**2, axis=0)))
+
+
+def _left_out(
+    residual: FloatArray, weights: FloatArray, precision: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return ``sd`` and ``misses`` of `Conditioned`, from the diagonal (n,) of the precision."""
     # leave-one-out errors in units of their sd (Rasmussen and Williams 5.12): 1 on average where
     # the covariance is right
-    deviation = weights**2 / np.sum(whiten**2, axis=0)[:, None]
-    variance = np.maximum(np.sum(residual * weights, axis=0), np.sum(deviation, axis=0)) / n
+    deviation = weights**2 / precision[:, None]
+    squares = np.maximum(np.sum(residual * weights, axis=0), np.sum(deviation, axis=0))
+    variance = squares / len(residual)
     # outputs that are all the same vary by nothing
-    misses = np.sum(deviation, axis=1) / max(float(np.sum(variance)), 1e-300)
-    return Conditioned(weights, whiten, np.sqrt(variance), misses)
+    return np.sqrt(variance), np.sum(deviation, axis=1) / max(float(np.sum(variance)), 1e-300)
+
+
+def condensed(matrix: FloatArray, nugget: float, residual: FloatArray) -> Conditioned:
+    """Return `conditioned` by fewer runs, where these give all others better than the nugget does.
+
+    All runs inform the weights of those few, as in the projected process of Rasmussen and Williams
+    2006, equations 8.26 and 8.27: 500 of 2,000 curves of two parameters, a quarter of the time of
+    a prediction, a sixteenth of that of its error.
+    """
+    lower, order, m, _ = dpstrf(matrix, tol=_GIVEN * nugget, lower=1)
+    if 2 * m > len(matrix):
+        return conditioned(matrix, nugget, residual)
+    order, factor, one = order - 1, np.tril(lower[:, :m]), np.eye(m)
+    outputs = residual[order]
+    precision = cholesky(factor.T @ factor + nugget * one, lower=True)
+    white = solve_triangular(precision, factor.T, lower=True)
+    fit = white @ outputs
+    whiten = solve_triangular(factor[:m], one, lower=True)
+    weights = whiten.T @ solve_triangular(precision, fit, lower=True, trans=1)
+    # of what few runs give, the share that is known; its eigenvalues go from _GIVEN to 1
+    known = cholesky(one - nugget * cho_solve((precision, True), one), lower=True)
+    of_all = (outputs - white.T @ fit) / nugget, (1 - np.sum(white**2, axis=0)) / nugget
+    sd, misses = _left_out(outputs, *of_all)
+    back = np.argsort(order)
+    return Conditioned(weights, known.T @ whiten, sd, misses[back], order[:m])
 
 
 def weights_of(matrix: FloatArray, nugget: float, residual: FloatArray) -> FloatArray:

@@ -32,7 +32,7 @@ from hybridsurrogate.surrogates.emulation.covariance import (
     LocalError,
     Places,
     Process,
-    conditioned,
+    condensed,
     process_through,
 )
 from hybridsurrogate.types import FloatArray
@@ -269,10 +269,11 @@ class CurveEmulator:
     process : Process
         Of the other inputs and the parameters, which it sees as parameters.
     runs : Places
+        That predictions are made of: all, or fewer that give the others.
     weights : ndarray of shape (n_runs, k)
         Of the runs, for each coefficient.
     whiten : ndarray of shape (n_runs, n_runs)
-        Inverse of the lower factor of the runs' covariance.
+        Of covariances with the runs: the sum of squares is how much of a variance they take away.
     sd : ndarray of shape (k,)
         Of the process, for each coefficient.
     local : LocalError
@@ -462,13 +463,13 @@ def emulate_curves(
     process = process_through(None, ranges, empty, curves.others, coefficients)
     runs = process.some(empty, curves.others, coefficients)
     matrix = runs.places.alike(runs.places)
-    given = conditioned(matrix, process.covariance.nugget, runs.residual)
+    given = condensed(matrix, process.covariance.nugget, runs.residual)
     local = LocalError.of(runs.places.points, given.misses)
     return CurveEmulator(
         curves.along,
         components,
         process,
-        runs.places,
+        runs.places.of(given.centers),
         given.weights,
         given.whiten,
         given.sd,

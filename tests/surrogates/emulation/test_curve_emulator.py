@@ -6,6 +6,12 @@ from scipy.stats import qmc, uniform
 
 import hybridsurrogate as hs
 from hybridsurrogate.diagnosis.validation.beta_scan import has_weight
+from hybridsurrogate.surrogates.emulation.covariance import (
+    Covariance,
+    Process,
+    condensed,
+    conditioned,
+)
 from hybridsurrogate.surrogates.emulation.curve_emulator import emulate_curves
 
 T = np.linspace(0, 20, 60)
@@ -50,6 +56,26 @@ def emulator(function, n_runs=60, seed=0):
     eta = function(X[:, 0], *omega.T)
     found = emulate_curves(X, omega, eta, np.array([[0.0, 20.0]]), np.array(ranges, float))
     return found, X, omega, eta
+
+
+def test_few_of_many_runs_predict_as_all_of_them():
+    rng = np.random.default_rng(0)
+    covariance = Covariance(np.full(2, 3.0), np.zeros(2), 1e-5, 0.0)
+    process = Process(None, np.array([[0.0, 1.0]] * 2), covariance, np.empty(0))
+    points, places = rng.random((600, 2)), rng.random((100, 2))
+    runs, new = (process.places(np.empty((len(p), 0)), p) for p in (points, places))
+    outputs = np.column_stack([np.sin(3 * points[:, 0]) * points[:, 1], np.exp(-points[:, 0])])
+    every, few = (f(runs.alike(runs), 1e-5, outputs) for f in (conditioned, condensed))
+    assert len(few.weights) < 300
+    (mean, sd), (of_few, sd_of_few) = (
+        (alike @ given.weights, np.sqrt(1 - np.sum((alike @ given.whiten.T) ** 2, axis=1)))
+        for given in (every, few)
+        for alike in [new.alike(runs.of(given.centers))]
+    )
+    np.testing.assert_allclose(sd_of_few, sd, rtol=0.1)
+    assert np.max(np.abs(of_few - mean) / (every.sd * sd[:, None])) < 0.1
+    np.testing.assert_allclose(few.sd, every.sd, rtol=0.01)
+    np.testing.assert_allclose(few.misses, every.misses, atol=0.1)
 
 
 @pytest.mark.parametrize("function", SIMULATIONS)
