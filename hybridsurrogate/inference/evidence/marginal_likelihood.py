@@ -20,7 +20,7 @@ the prior mass of all of them: the evidence of the whole grid stays an average o
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from typing import NamedTuple
 
 import numpy as np
@@ -85,17 +85,17 @@ def scaled_covariances(basis: FloatArray, sizes: FloatArray, sigma: float) -> Co
 class Products(NamedTuple):
     """What the evidence of R responses at T nodes depends on, parameters integrated out.
 
-    M is 1 where the nodes share the simulation, else T.
+    Under K covariances. M is 1 where the nodes share the simulation, else T.
 
     Attributes
     ----------
-    squares : ndarray of shape (M, R)
+    squares : ndarray of shape (K, M, R)
         Squares that the simulation's parameters leave, those of their prior included.
-    log_det : ndarray of shape (M,)
+    log_det : ndarray of shape (K, M)
         Of the covariance of the rows and of the precision of the parameters.
-    along : ndarray of shape (T, R, q)
+    along : ndarray of shape (K, T, R, q)
         Products of the columns with the residuals of a fit of the parameters.
-    inner : ndarray of shape (T, q, q)
+    inner : ndarray of shape (K, T, q, q)
         Products of the columns with each other, after the projection on the parameters' slopes.
     squared : ndarray of shape (T,)
         Squares of the columns before that.
@@ -109,9 +109,9 @@ class Products(NamedTuple):
 
 
 def node_products(
-    parts: Linearised, responses: FloatArray, sigma: float, covariances: Covariances
+    parts: Linearised, responses: FloatArray, sigma: float, covariances: Iterable[Covariances]
 ) -> Iterator[Products]:
-    """Return the products under each of the covariances.
+    """Return the products under each set of covariances.
 
     Parameters
     ----------
@@ -119,18 +119,18 @@ def node_products(
         Of unit noise; its own known covariance is not looked at.
     responses : ndarray of shape (R, n)
     sigma : float
-    covariances : Covariances
+    covariances : iterable of Covariances
     """
     seen = _seen(parts, responses, sigma)
     H = np.swapaxes(parts.H, 1, 2)
     plain = _Blocks.of(seen.rows, H, seen.shared)
-    squared = np.einsum("tkk->t", plain.columns)
-    projected = [_along(values, covariances.directions) for values in (seen.rows, H, seen.shared)]
-    for weight, log_det in zip(covariances.weights, covariances.log_det, strict=True):
+    squared = np.einsum("tkk->t", plain.columns[0])
+    for directions, weights, log_det in covariances:
         blocks = plain
-        if weight.size:
-            blocks = plain.less(_Blocks.of(*(values * weight for values in projected)))
-        yield _without_parameters(seen, blocks, sigma, float(log_det), squared)
+        if weights.size:
+            rows, columns, shared = (_along(v, directions) for v in (seen.rows, H, seen.shared))
+            blocks = plain.less(_Blocks.of(rows, columns, shared, weights**2))
+        yield _without_parameters(seen, blocks, sigma, log_det, squared)
 
 
 class _Seen(NamedTuple):
@@ -192,30 +192,44 @@ def _along(values: FloatArray, directions: FloatArray) -> FloatArray:
 class _Blocks(NamedTuple):
     """Products of rows S (M, s, n), columns H (T, q, n) and shared parts of responses (R, n)."""
 
-    rows: FloatArray  # (M, s, s)
-    across: FloatArray  # (T, s, q)
-    columns: FloatArray  # (T, q, q)
-    shared: FloatArray  # (R,)
-    shared_rows: FloatArray  # (M, R, s)
-    shared_columns: FloatArray  # (T, R, q)
+    rows: FloatArray  # (K, M, s, s)
+    across: FloatArray  # (K, T, s, q)
+    columns: FloatArray  # (K, T, q, q)
+    shared: FloatArray  # (K, 1, R)
+    shared_rows: FloatArray  # (K, M, R, s)
+    shared_columns: FloatArray  # (K, T, R, q)
 
     @classmethod
-    def of(cls, S: FloatArray, H: FloatArray, shared: FloatArray) -> _Blocks:
+    def of(
+        cls, S: FloatArray, H: FloatArray, shared: FloatArray, weights: FloatArray | None = None
+    ) -> _Blocks:
+        """Return products weighted by (K, n), one where none are given."""
         (M, s, n), (T, q, _), R = S.shape, H.shape, len(shared)
+
+        def by(values: FloatArray) -> FloatArray:
+            if weights is None:
+                return values[None]
+            return values * np.expand_dims(weights, tuple(range(1, values.ndim)))
+
+        weighted, K = by(S), 1 if weights is None else len(weights)
         if M == 1:
-            across = np.swapaxes((H.reshape(-1, n) @ S[0].T).reshape(T, q, s), 1, 2)
+            across = H.reshape(-1, n) @ np.swapaxes(weighted[:, 0], 1, 2)
+            across = np.swapaxes(across.reshape(K, T, q, s), 2, 3)
         else:
-            across = S @ np.swapaxes(H, 1, 2)
+            across = weighted @ np.swapaxes(H, 1, 2)
         if not shared.any():  # of one response all is its own
-            with_rows, with_columns = np.zeros((M, R, s)), np.zeros((T, R, q))
+            with_rows, with_columns = np.zeros((K, M, R, s)), np.zeros((K, T, R, q))
         else:
-            with_rows = (shared @ S.reshape(-1, n).T).reshape(R, M, s).transpose(1, 0, 2)
-            with_columns = (shared @ H.reshape(-1, n).T).reshape(R, T, q).transpose(1, 0, 2)
+            responses = by(shared)
+            with_rows, with_columns = (
+                np.swapaxes((responses @ v.reshape(-1, n).T).reshape(K, R, *v.shape[:2]), 1, 2)
+                for v in (S, H)
+            )
         return cls(
-            S @ np.swapaxes(S, 1, 2),
+            weighted @ np.swapaxes(S, 1, 2),
             across,
-            H @ np.swapaxes(H, 1, 2),
-            np.einsum("rn,rn->r", shared, shared),
+            by(H) @ np.swapaxes(H, 1, 2),
+            np.einsum("krn,rn->kr", by(shared), shared)[:, None],
             with_rows,
             with_columns,
         )
@@ -225,30 +239,29 @@ class _Blocks(NamedTuple):
 
 
 def _without_parameters(
-    seen: _Seen, blocks: _Blocks, sigma: float, log_det: float, squared: FloatArray
+    seen: _Seen, blocks: _Blocks, sigma: float, log_det: FloatArray, squared: FloatArray
 ) -> Products:
     """Integrate the parameters out: they have a standard normal prior around zero."""
     u, k = seen.u, seen.u.shape[1]
-    d = blocks.rows.shape[1] - k
-    own = blocks.rows[:, :k, :k]
-    squares = blocks.shared - 2 * np.sum(blocks.shared_rows[:, :, :k] * u, axis=2)
-    squares = squares + np.sum((u @ own) * u, axis=2)
-    along = blocks.shared_columns - u @ blocks.across[:, :k]
-    inner = blocks.columns
+    K, M, s, _ = blocks.rows.shape
+    d, own = s - k, blocks.rows[..., :k, :k]
+    squares = blocks.shared - 2 * np.sum(blocks.shared_rows[..., :k] * u, axis=3)
+    squares = squares + np.sum((u @ own) * u, axis=3)
+    along = blocks.shared_columns - u @ blocks.across[..., :k, :]
+    inner, log_det = blocks.columns, np.broadcast_to(log_det[:, None], (K, M))
     if d:
         g = u @ np.swapaxes(seen.start, 1, 2)  # (M, R, d)
-        right = blocks.shared_rows[:, :, k:] - u @ blocks.rows[:, :k, k:] - sigma**2 * g
-        factor = nudged_cholesky(blocks.rows[:, k:, k:] + sigma**2 * np.eye(d))
-        inverse = np.linalg.inv(factor)
-        right = right @ np.swapaxes(inverse, 1, 2)
-        across = inverse @ blocks.across[:, k:]  # (T, d, q)
-        squares = squares + sigma**2 * np.sum(g**2, axis=2) - np.sum(right**2, axis=2)
+        right = blocks.shared_rows[..., k:] - u @ blocks.rows[..., :k, k:] - sigma**2 * g
+        precision = blocks.rows[..., k:, k:] + sigma**2 * np.eye(d)
+        factor = nudged_cholesky(precision.reshape(-1, d, d))
+        inverse = np.linalg.inv(factor).reshape(K, M, d, d)
+        right = right @ np.swapaxes(inverse, 2, 3)
+        across = inverse @ blocks.across[..., k:, :]  # (K, T, d, q)
+        squares = squares + sigma**2 * np.sum(g**2, axis=2) - np.sum(right**2, axis=3)
         along = along - right @ across
-        inner = inner - np.swapaxes(across, 1, 2) @ across
-        log_det = log_det + log_det_of(factor) - d * np.log(sigma)
-    return Products(
-        squares, np.broadcast_to(np.asarray(log_det), (len(squares),)), along, inner, squared
-    )
+        inner = inner - np.swapaxes(across, 2, 3) @ across
+        log_det = log_det + log_det_of(factor).reshape(K, M) - d * np.log(sigma)
+    return Products(squares, log_det, along, inner, squared)
 
 
 # a prior scale that is as good as zero, whose square is a number still
@@ -289,8 +302,8 @@ def scan(
     for unit, factor in parts.by_noise():
         y, covariance = responses / factor, known_covariance(unit.U, sigma)
         for piece in unit.pieces(len(responses)):
-            (products,) = node_products(piece, y, sigma, covariance)
-            found = _of_products(products, piece, y.shape[1], sigma, log_marginal, sizes)
+            (products,) = node_products(piece, y, sigma, [covariance])
+            found = _of_products(products, piece, y.shape[1], sigma, log_marginal, sizes)[0]
             evidence.append(found - np.sum(np.log(factor)))
     return np.concatenate(evidence, axis=1)
 
@@ -319,19 +332,18 @@ def scan_with_process(
     ((unit, factor),) = parts.by_noise()
     whiten, log_det = _whitener(unit.U, sigma)
     y, unit = whiten(response / factor, 0)[None], unit.whitened(whiten)
-    out = np.empty((len(bases), len(process_sizes), len(parts.H)))
-    for of_length, basis in zip(out, bases, strict=True):
-        columns = whiten(basis / np.reshape(factor, (-1, 1)), 0)
-        covariances = scaled_covariances(columns, process_sizes, sigma)
-        start = 0
-        for piece in unit.pieces(1):
-            nodes = slice(start, start + len(piece.H))
-            for k, products in enumerate(node_products(piece, y, sigma, covariances)):
-                of_length[k, nodes] = _of_products(
-                    products, piece, y.shape[1], sigma, log_marginal, sizes
-                )[0]
-            start = nodes.stop
-    return out - log_det - np.sum(np.log(factor))
+    covariances = [
+        scaled_covariances(whiten(basis / np.reshape(factor, (-1, 1)), 0), process_sizes, sigma)
+        for basis in bases
+    ]
+    out = [
+        [
+            _of_products(products, piece, y.shape[1], sigma, log_marginal, sizes)[:, 0]
+            for products in node_products(piece, y, sigma, covariances)
+        ]
+        for piece in unit.pieces(1)
+    ]
+    return np.concatenate(out, axis=2) - log_det - np.sum(np.log(factor))
 
 
 def _of_products(
@@ -342,35 +354,35 @@ def _of_products(
     log_marginal: Callable[[FloatArray], FloatArray],
     sizes: FloatArray,
 ) -> FloatArray:
-    """Return the log evidence (R, T) of n rows: sizes and noise integrated out as well."""
+    """Return the log evidence (K, R, T) of n rows: sizes and noise integrated out as well."""
     # rounding is the affair of `log_marginal`, in shares of the spread of y: y itself may be far
     # from zero, and a share of its square would be more than the noise
     least = np.finfo(float).tiny
-    squares, log_base = products.squares, (parts.log_weight - products.log_det)[:, None]
-    T, _, q = products.along.shape
+    squares, log_base = products.squares, (parts.log_weight - products.log_det)[..., None]
+    _, T, _, q = products.along.shape
     if not q:
         out = log_marginal(np.maximum(squares, least)) + log_base
-        return np.where(np.isnan(out), -np.inf, out).T
+        return np.swapaxes(np.where(np.isnan(out), -np.inf, out), 1, 2)
     # where the simulation failed, or overflowed, there is nothing to decompose
-    failed = np.asarray(~np.isfinite(products.inner).all(axis=(1, 2)))
-    eigenvalue, vector = np.linalg.eigh(np.where(failed[:, None, None], 0.0, products.inner))
+    failed = np.asarray(~np.isfinite(products.inner).all(axis=(2, 3)))[..., None]
+    eigenvalue, vector = np.linalg.eigh(np.where(failed[..., None], 0.0, products.inner))
     # what G can draw as well leaves rounding, by the rule of `numpy.linalg.matrix_rank`
     informed = eigenvalue > n * np.finfo(float).eps * products.squared[:, None]
-    eigenvalue = np.where(informed, eigenvalue, 0.0)[:, None]
-    along = (products.along @ (vector * informed[:, None])) ** 2
+    eigenvalue = np.where(informed, eigenvalue, 0.0)[:, :, None]
+    along = (products.along @ (vector * informed[:, :, None])) ** 2
     # one size for all directions of a cause; caps bind only parameters, which come alone
     scales = np.maximum(np.minimum(sizes[:, None], parts.cap.min(axis=1)), _NO_SIZE)
     terms = []
     for scale in np.array_split(scales, -(-scales.size * along.size // (BLOCK * T))):
-        ridge = ((sigma / scale) ** 2)[:, :, None, None]
-        reduced = squares - np.sum(along / (eigenvalue + ridge), axis=3)
-        log_det = 0.5 * np.sum(np.log1p(eigenvalue / ridge), axis=3)
+        ridge = ((sigma / scale) ** 2)[:, None, :, None, None]
+        reduced = squares - np.sum(along / (eigenvalue + ridge), axis=4)
+        log_det = 0.5 * np.sum(np.log1p(eigenvalue / ridge), axis=4)
         terms.append(log_marginal(np.maximum(reduced, least)) - log_det)
     # NaN marks a simulation that failed, and is sorted out here
     with np.errstate(invalid="ignore"):
         out = np.logaddexp.reduce(np.concatenate(terms), axis=0) - np.log(len(sizes))
     out = out + log_base
-    return np.where(np.isnan(out) | failed[:, None], -np.inf, out).T
+    return np.swapaxes(np.where(np.isnan(out) | failed, -np.inf, out), 1, 2)
 
 
 def _whitener(U: FloatArray, sigma: float) -> tuple[Whiten, float]:
