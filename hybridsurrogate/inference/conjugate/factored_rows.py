@@ -121,25 +121,28 @@ class FactoredRows:
 
     @cached_property
     def _squares(self) -> FloatArray:
-        return self.of_rows.T @ self.of_rows
+        """Products of the rows' parts, (p + q + 1, p + q + 1), zero for what is formed."""
+        size, at = len(self.products), np.flatnonzero(self.products)
+        out = np.zeros((size, size))
+        out[at[:, None], at] = self.of_rows.T @ self.of_rows
+        return out
 
     def gram(self, values: FloatArray) -> FloatArray:
         """Return Gram matrices (J, p + q + 1, p + q + 1) for draws of the unknowns (J, ...)."""
         of_draws = self.of_draws(values)
-        f, size = of_draws.shape[1], len(self.products)
-        out = np.empty((len(values), size, size))
-        out[:, :f, :f] = self._squares * of_draws[:, :, None]
-        out[:, :f, :f] *= of_draws[:, None]
-        if f < size:
+        every = np.zeros((len(values), len(self.products)))
+        every[:, self.products] = of_draws
+        out = self._squares * every[:, :, None]
+        out *= every[:, None]
+        if of_draws.shape[1] < every.shape[1]:
             rows = self.formed(values)
             formed = np.swapaxes(rows, 1, 2)
-            out[:, f:, :f] = (formed @ self.of_rows) * of_draws[:, None]
-            out[:, :f, f:] = np.swapaxes(out[:, f:, :f], 1, 2)
-            out[:, f:, f:] = formed @ rows
-        if self.products[:f].all():
-            return out
-        place = np.argsort(np.argsort(~self.products, kind="stable"))
-        return out[:, place[:, None], place]
+            across = np.empty((len(values), rows.shape[2], every.shape[1]))
+            across[:, :, self.products] = (formed @ self.of_rows) * of_draws[:, None]
+            across[:, :, ~self.products] = formed @ rows
+            out[:, ~self.products] = across
+            out[:, :, ~self.products] = np.swapaxes(across, 1, 2)
+        return out
 
 
 def are_products(model: MeasuredModel) -> NDArray[np.bool_]:
