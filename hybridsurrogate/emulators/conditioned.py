@@ -24,7 +24,12 @@ from hybridsurrogate.model.statistics import (
     emulator_posterior,
     statistics_of_runs,
 )
-from hybridsurrogate.numerics.linear_algebra import blocks, each_with_each, pivoted_cholesky
+from hybridsurrogate.numerics.linear_algebra import (
+    blocks,
+    each_with_each,
+    pivoted_cholesky,
+    pivoted_factor,
+)
 from hybridsurrogate.simulation.simulator import SimulationData
 from hybridsurrogate.surrogates.basis import Basis
 from hybridsurrogate.surrogates.emulation.covariance import (
@@ -262,18 +267,18 @@ class KrigedBasis(Basis):
     def error(self, X: FloatArray, omega: FloatArray) -> FloatArray:
         """Return F (n, r): the covariance of what is unknown of the simulation is F F'."""
         places, white, sd, left = self._left(X, omega)
-        square = places.alike(places) - white @ white.T if len(X) <= _FEW else None
-
-        def column(k: int) -> FloatArray:
-            if square is not None:
-                return sd[k] * sd * square[k]
-            alike = places.alike(places.of(slice(k, k + 1)))[:, 0] - white @ white[k]
-            return sd[k] * sd * alike
-
         diagonal = left**2
         # at a steep end of a range variances can be a million times those elsewhere
         typical = float(np.median(diagonal)) if len(diagonal) else 0.0
         least = max(_NEGLIGIBLE * typical, 1e-12 * float(np.max(diagonal, initial=0.0)))
+        if len(X) <= _FEW:
+            square = places.alike(places) - white @ white.T
+            return pivoted_factor(square * sd * sd[:, None], least)
+
+        def column(k: int) -> FloatArray:
+            alike = places.alike(places.of(slice(k, k + 1)))[:, 0] - white @ white[k]
+            return sd[k] * sd * alike
+
         factor, _ = pivoted_cholesky(diagonal, column, least, len(diagonal))
         return factor
 

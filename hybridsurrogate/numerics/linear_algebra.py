@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg.lapack import dpstrf
 from threadpoolctl import ThreadpoolController
 
 from hybridsurrogate.types import FloatArray
@@ -85,6 +86,14 @@ def nudged_cholesky(matrices: FloatArray) -> FloatArray:
 def log_det_of(factors: FloatArray) -> FloatArray:
     """Return the log determinants (J,) of triangular factors (J, p, p)."""
     return np.log(np.diagonal(factors, axis1=1, axis2=2)).sum(axis=1)
+
+
+def pivoted_factor(covariance: FloatArray, least: float) -> FloatArray:
+    """Return F (n, r) with F F' the covariance (n, n), as `pivoted_cholesky`, which is known."""
+    lower, order, r, _ = dpstrf(covariance, tol=least, lower=1)
+    factor = np.empty((len(covariance), r))
+    factor[order - 1] = np.tril(lower[:, :r])
+    return factor
 
 
 def pivoted_cholesky(

@@ -243,13 +243,14 @@ def _by_proposals(
         return at_centre(u) + log_volume
 
     modes = find_modes(at_centre_of, starts)
+    n = max(SETTINGS.oversampling * len(first_step), SETTINGS.min_proposals)
     found = _weighted(
         problem,
         _near_all(first_step, modes[0].log_mass),
         [modes[0]],
         _noise_of(first_step),
         plain,
-        SETTINGS.conditional_proposals,
+        min(n, SETTINGS.conditional_proposals),
         random_state,
     )
     u, share, khat, effective = found.u, found.share, found.khat, found.effective
@@ -325,7 +326,7 @@ def _weighted(
         log_density = _log_density(given, u, given.draws)
         log_weight = log_density - log_proposal[:, None]
         share = node_shares(log_weight)
-        khat, effective = _quality(log_weight)
+        khat, effective = _quality(log_weight, share)
         enough = effective > 0.1 * n and khat <= KHAT_LIMIT
         if enough or round_ == SETTINGS.conditional_rounds - 1:
             break
@@ -333,9 +334,9 @@ def _weighted(
     return _Weighted(u, log_density, log_proposal, share, khat, effective, enough)
 
 
-def _quality(log_weight: FloatArray) -> tuple[float, float]:
+def _quality(log_weight: FloatArray, share: FloatArray) -> tuple[float, float]:
     """Return k-hat and effective number of weights (J, S), medians over draws."""
-    S, share = log_weight.shape[1], node_shares(log_weight)
+    S = log_weight.shape[1]
     some = np.linspace(0, S - 1, min(25, S)).astype(int)
     khat = float(np.median([level_smooth(log_weight[:, s])[1] for s in some]))
     return khat, float(np.median(1 / np.sum(share**2, axis=0)))
@@ -377,7 +378,7 @@ def held_out(
     given = main_directions(all_rows, found.u[:, :-1], sigma)
     log_weight = found.log_density - found.log_proposal[:, None]
     with_them = _log_density(given, found.u, given.draws) - found.log_proposal[:, None]
-    khat, effective = _quality(with_them)
+    khat, effective = _quality(with_them, node_shares(with_them))
     if max(khat, found.khat) > KHAT_LIMIT:
         return None
     if min(effective, found.effective) < LEAST_EFFECTIVE:

@@ -89,7 +89,7 @@ class SamplingSettings:
     direction_nodes, direction_rows : int
         Nodes, and their rows, that are asked for these directions.
     conditional_proposals, conditional_rounds : int
-        Proposals of a parameter in each round, and rounds.
+        Proposals of a parameter in each round at most, and rounds.
     many_dimensions : int
         Beyond, coefficient draws have separate proposals only where shared ones are doubtful: with
         13 unknowns separate ones took 100 s, shared ones six, with a k-hat of 0.57.

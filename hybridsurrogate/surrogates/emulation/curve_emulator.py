@@ -21,7 +21,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import BSpline, make_interp_spline
 
-from hybridsurrogate.numerics.linear_algebra import blocks, each_with_each, pivoted_cholesky
+from hybridsurrogate.numerics.linear_algebra import (
+    blocks,
+    each_with_each,
+    pivoted_cholesky,
+    pivoted_factor,
+)
 from hybridsurrogate.surrogates.emulation.between_places import (
     BetweenPlaces,
     Piece,
@@ -433,9 +438,9 @@ class CurveEmulator:
 
 def _factor(covariance: FloatArray) -> FloatArray:
     """Return F (n, r) with F F' the covariance (n, n), but for what is negligible."""
-    variances = np.maximum(np.diagonal(covariance), 0.0)
-    least = _NEGLIGIBLE * float(np.max(variances, initial=0.0))
-    return pivoted_cholesky(variances, lambda k: covariance[k], least, len(variances))[0]
+    return pivoted_factor(
+        covariance, _NEGLIGIBLE * float(np.max(np.diagonal(covariance), initial=0))
+    )
 
 
 def emulate_curves(
