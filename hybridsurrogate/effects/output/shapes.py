@@ -255,7 +255,9 @@ class Episode(Located):
 
     def grid(self) -> dict[str, FloatArray]:
         """Return locations and shares of lengths."""
-        return {"location": self.locations(80), "share": (np.arange(10) + 0.5) / 10}
+        # a factor is followed from one at every node, which takes longer than a column
+        most = 40 if self.factor else 80
+        return {"location": self.locations(most), "share": (np.arange(10) + 0.5) / 10}
 
     def end(self, theta: Rows) -> FloatArray:
         """Return where it ends."""
