@@ -72,7 +72,8 @@ def test_the_whole_catalogue():
     assert rest == {
         *("offset", "gain", "wrong-constant", "trend", "trend: quadratic", "periodic"),
         *("periodic: overtone", "step", "ramp", "bump", "decay", "saturation", "delay"),
-        *("episode", "trend: since the start", "build-up", "limit", "limit: below", "response"),
+        *("episode", "episode: factor", "trend: since the start", "build-up", "limit"),
+        *("limit: below", "response"),
         *("interaction", "step: before", "missing-input", "missing-input: quadratic"),
         *("missing-input: categorical", "missing-input: with offset", "interaction: from zero"),
         "missing-input: categorical with offset",
@@ -103,7 +104,7 @@ def test_the_whole_catalogue():
         (kind, level) for kind in ("missing-input", "noise") for level in (1, 2, 3, 4)
     ]
     assert [cause.target for cause in causes if cause.kind == "interaction"] == 2 * ["t * dose"]
-    assert len(drifts) == 2 * 2 * 4 + 2
+    assert len(drifts) == 2 * 2 * 5 + 2 * 2
 
 
 def test_what_is_left_out_comes_with_a_reason():

@@ -137,8 +137,8 @@ MORE_SETS = (
         "phones", "more/belgium_phones.csv", {"year": "year"}, "calls_1e6", made.calls,
         lambda f: f["year"] <= 1970, "minutes were counted in 1964 to 1969", (hs.Episode("year"),),
         "location 1964, end 1970", "130.1 -> 1.889",
-        remark="calls are few at first, and nearly on a line: noise that grows has 20.0 nats, the "
-        "episode, which leaves 1963 and 1970, partly minutes, 12.9.",
+        by_catalogue=(hs.Episode("year", factor=True),),
+        remark="REMARK",
     ),
     DataSet(
         "gravity", "more/gravity_nbs_1935.csv", {"row": "row", "series": "series"}, "g_dev",

@@ -12,6 +12,7 @@ from sklearn.base import clone
 from tide import CASES, FRAME, SIMULATOR, context_of, plain, prepared, problem_of
 
 import hybridsurrogate as hs
+from hybridsurrogate.catalogue import catalogue
 from hybridsurrogate.diagnosis.answers.extension import extend_simulator
 from hybridsurrogate.effects.context import Axis
 from hybridsurrogate.effects.picture import plot_cause
@@ -72,6 +73,8 @@ def test_columns_of_missing_inputs_by_hand():
     ("name", "theta", "t", "expected"),
     [
         ("drift", {"slope": 0.5}, 8.0, 3 + 0.5 * 2),
+        ("drift, exponential", {"rate": 0.2}, 8.0, 3 * 1.4918247),
+        ("drift, exponential", {"rate": -0.2}, 8.0, 3 / 1.4918247),
         ("drift, step", {"change": 0.7, "location": 5}, 6.0, 3.7),
         ("drift, step", {"change": 0.7, "location": 5}, 4.0, 3.0),
         ("drift, logistic", {"change": 1, "location": 5, "width": 2}, 7.0, 3 + 0.7310586),
@@ -242,6 +245,45 @@ def test_air_drag_of_the_documentation():
         low, high = np.quantile(draws[quantity], [0.005, 0.995])
         assert low < truth < high
         assert high - low < 0.5 * truth
+
+
+def test_an_exponential_drift_is_for_parameters_of_one_sign():
+    simulator = hs.Simulator(
+        lambda t, rate, level: level + rate * t,
+        inputs={"t": (0, 12)},
+        parameters={"rate": hs.truncated_normal(1, 1, 0, 5), "level": stats.norm(0, 1)},
+    )
+    context = context_of(FRAME[["t", "wind"]], simulator)
+    drifts = {cause.name for cause in catalogue(context)[0] if cause.kind == "parameter-drift"}
+    assert "parameter-drift(rate over t, exponential)" in drifts
+    assert "parameter-drift(rate over wind, exponential)" in drifts
+    assert "parameter-drift(level over t)" in drifts
+    assert "parameter-drift(level over t, exponential)" not in drifts
+    with pytest.raises(ValueError, match="'level', whose prior has values of both signs"):
+        hs.ParameterDrift("level", "t", shape="exponential").prepare(context)
+
+
+def test_a_rate_that_doubles_every_ten_degrees_is_named_and_foreseen():
+    """Blind: the reaction is tried at three temperatures, and needed at a fourth."""
+    rng = np.random.default_rng(3)
+    hours, degrees = (v.ravel() for v in np.meshgrid(np.linspace(1, 12, 10), [10.0, 20.0, 30.0]))
+    left = lambda h, d: 50 * np.exp(-0.05 * 2 ** ((d - 20) / 10) * h)  # noqa: E731
+    simulator = hs.Simulator(
+        lambda hours, rate: 50 * np.exp(-rate * hours),
+        inputs={"hours": (0, 12)},
+        parameters={"rate": hs.truncated_normal(0.06, 0.04, 0, 1)},
+    )
+    X = pd.DataFrame({"hours": hours, "degrees": degrees})
+    y = left(hours, degrees) + 0.7 * rng.standard_normal(len(hours))
+    model = hs.PowerScaledSurrogate(simulator, hs.ExactSurrogate(), n_draws=400, random_state=0)
+    found = hs.DiscrepancyDiagnosis(model, cv=None, n_replicates=39, random_state=0).fit(X, y)
+    best = found.best_cause_
+    assert (best.kind, best.target) == ("parameter-drift", "rate")
+    _, low, high = best.estimates["rate"]
+    assert low < np.log(2) / 10 < high
+    warmer = X[X.degrees == 30.0].assign(degrees=40.0)
+    truth = left(warmer.hours, warmer.degrees)
+    assert np.sqrt(np.mean((found.predict(warmer) - truth) ** 2)) < 2.0
 
 
 def test_a_diagnosis_whose_cause_reads_an_extra_extends_with_it():

@@ -55,6 +55,34 @@ def test_a_loss_of_a_logarithmic_output_is_a_ramp():
     assert any(s.kind == "ramp" and "ramp is the same" in s.reason for s in skipped)
 
 
+def test_an_episode_of_a_logarithmic_output_is_a_factor_already():
+    with pytest.raises(ValueError, match=r"Episode\('t'\) is a factor"):
+        hs.Episode("t", factor=True).prepare(context_of(likelihood="lognormal"))
+    causes, skipped = catalogue(context_of(likelihood="lognormal"))
+    assert [c.variant for c in causes if isinstance(c, hs.Episode)] == [""] * 2
+    assert any(s.kind == "episode" and "episode is the same" in s.reason for s in skipped)
+
+
+def test_another_unit_for_some_years_is_named_and_foresees_the_years_after():
+    """Blind: minutes were written down instead of calls, of six minutes each."""
+    rng = np.random.default_rng(12)
+    year = np.arange(1950.0, 1980.0)
+    calls = 2 + 0.8 * (year - 1950)
+    recorded = np.where((year >= 1962) & (year < 1970), 6 * calls, calls)
+    y = recorded + 0.8 * rng.standard_normal(len(year))
+    simulator = hs.Simulator(
+        lambda year, start, growth: start + growth * (year - 1950),
+        inputs={"year": (1950, 1990)},
+        parameters={"start": norm(3, 3), "growth": norm(1, 1)},
+    )
+    seen = year < 1974
+    found = diagnosed(simulator, year[seen, None], y[seen])
+    assert (found.best_cause_.kind, found.best_cause_.target) == ("episode", "year")
+    assert holds(found, "factor", 6.0)
+    later = found.extended_estimator_.predict(year[~seen, None])
+    assert np.sqrt(np.mean((later - calls[~seen]) ** 2)) < 1.5
+
+
 def measured_carriage(n=60):
     rng = np.random.default_rng(7)
     frame = pd.DataFrame({"acceleration": rng.uniform(-3, 3, n), "velocity": rng.normal(0, 0.1, n)})

@@ -9,7 +9,7 @@ from scipy import integrate, stats
 import hybridsurrogate as hs
 from hybridsurrogate.catalogue import catalogue
 from hybridsurrogate.diagnosis.answers.finding import form_of
-from hybridsurrogate.effects.context import OutputScale
+from hybridsurrogate.effects.context import Axis, OutputScale
 from hybridsurrogate.effects.picture import plot_cause
 from hybridsurrogate.likelihoods import Contaminated, Normal
 from hybridsurrogate.likelihoods.student_t import log_shape, precision_at
@@ -35,6 +35,14 @@ def ornstein_uhlenbeck(t, length, rng):
 
 
 # ------------------------------------------------------------------------- formulas, by hand
+
+
+def test_noise_changes_no_more_far_beyond_the_rows():
+    cause = hs.Noise("t", axis=Axis.of([0.0, 2.0, 10.0]))
+    factor = cause.noise({"t": np.array([-2.5, -90.0, 12.5, 13.0, 1e6])}, {"slope": np.log(2)})
+    np.testing.assert_allclose(factor[[1, 3, 4]], factor[[0, 2, 2]])
+    # it doubles over half a span, and the places are one span and a half apart
+    assert factor[2] / factor[0] == pytest.approx(2**3)
 
 
 def test_noise_that_follows_the_output_by_hand():

@@ -15,7 +15,7 @@ T = np.linspace(0, 12, 24)
 CONTEXT = Context(
     X={"t_1": T, "wind 50%": np.tile([1.0, 2.0, 3.0], 8)},
     n_inputs=1,
-    parameters={"rate_$": stats.norm(0.5, 0.1)},
+    parameters={"rate_$": hs.truncated_normal(0.5, 0.1, 0, 1)},
     assumed={"floor{a}": hs.Assumed(10.0, stats.norm(10, 1))},
     scale=1.0,
 )
@@ -28,6 +28,7 @@ CAUSES = [
     hs.TrendSinceStart("t_1"),
     hs.Step("t_1"),
     hs.Episode("t_1"),
+    hs.Episode("t_1", factor=True),
     hs.BuildUp("t_1"),
     hs.Limit(),
     hs.Limit(below=True),
@@ -41,7 +42,7 @@ CAUSES = [
     hs.WrongConstant("floor{a}"),
     *(
         hs.ParameterDrift("rate_$", "t_1", shape=shape)
-        for shape in ("linear", "step", "logistic", "periodic")
+        for shape in ("linear", "exponential", "step", "logistic", "periodic")
     ),
     hs.MissingInput("wind 50%"),
     hs.MissingInput("wind 50%", shape="quadratic"),

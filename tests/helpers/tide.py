@@ -194,6 +194,16 @@ CASES = {
         lambda r: 1.0 + 0.7 * plain(r) + 0.03 * plain(r) ** 2,
         {"curvature": 0.03},
     ),
+    "episode, factor": (
+        hs.Episode("t", factor=True),
+        lambda r: plain(r) * np.where((r.t > 3.03) & (r.t < 6.97), 1.06, 1),
+        {"factor": 1.06},
+    ),
+    "drift, exponential": (
+        hs.ParameterDrift("height", "t", shape="exponential"),
+        lambda r: tide(r.t, r.dose, 3.2 * np.exp(0.05 * (r.t - 6)), 0.45, 10.0),
+        {"rate": 0.05},
+    ),
 }
 
 

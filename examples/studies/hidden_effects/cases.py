@@ -49,7 +49,12 @@ LATER_FORMS = (
     "limit",
     "response",
 )
-LATEST_FORMS = (*OF_SLOPE, "ramp: loss", "missing-input: friction")
+LATEST_FORMS = (
+    *OF_SLOPE,
+    "ramp: loss",
+    "missing-input: friction",
+    "parameter-drift: exponential",
+)
 FORMS = (*KINDS, *LATER_FORMS, *LATEST_FORMS)
 # the place of a form is part of the seed of its cases: what is new comes last
 _SEEDED = (*KINDS, *LATER_FORMS, *mechanisms.FORMS, *LATEST_FORMS)

@@ -220,7 +220,7 @@ def _draw_noise(setting: Setting, rng: np.random.Generator) -> Effect:
 
 
 def _draw_other_drift(shape: str, setting: Setting, rng: np.random.Generator) -> Effect | None:
-    """Draw a parameter that jumps, goes over into another value, or swings."""
+    """Draw a parameter that jumps, goes over into another value, swings, or grows by shares."""
     simulator = setting.simulator
     k, j = int(rng.integers(len(simulator.parameter_names))), int(rng.integers(len(setting.low)))
     name, along = simulator.parameter_names[k], simulator.input_names[j]
@@ -248,6 +248,16 @@ def _draw_other_drift(shape: str, setting: Setting, rng: np.random.Generator) ->
                 return change * (x > location)
             return change / 2 * (1 + np.tanh((x - location) / (2 * width)))
 
+    elif shape == "exponential":
+        rate = _sign(rng) * between(rng, 0.2, 1.5) / span
+        numbers |= {"rate": rate}
+        # it goes on beyond the measurements, and must mean something there too
+        reached = np.array(simulator.input_ranges[along], dtype=float)
+
+        def shift(x: Array) -> Array:
+            return setting.omega[k] * np.expm1(rate * (x - start - span / 2))
+
+        ends = setting.omega[k] + shift(reached)
     else:
         raise ValueError(f"Unknown shape of drift {shape!r}.")
     if ends.min() < low or ends.max() > high:

@@ -37,6 +37,7 @@ NUMBERS = {
     "gain": {"gain": "gain"},
     "wrong-constant": {"value": "value"},
     "parameter-drift": {"slope": "slope"},
+    "parameter-drift: exponential": {"rate": "rate"},
     "parameter-drift: step": {"change": "change", "location": "location"},
     "parameter-drift: logistic": {"change": "change", "location": "location", "width": "width"},
     "parameter-drift: periodic": {"period": "period", "amplitude": "amplitude"},

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy import stats
 
-from hybridsurrogate.effects.base import Cause, Context, FloatArray, Rows
+from hybridsurrogate.effects.base import Act, Cause, Context, FloatArray, Rows
 from hybridsurrogate.effects.context import MOST_GAPS, UNKNOWN, Axis
 from hybridsurrogate.effects.expressions import Code
 from hybridsurrogate.effects.over_column import FromOrigin, Located
@@ -180,6 +181,10 @@ class Episode(Located):
     of the span) to the distance of the last row. ``share`` is its quantile in that prior. So an
     episode ends before the last row: one that does not is a `Step`.
 
+    With ``factor=True`` it is ``factor simulation`` there, as where another unit was written down
+    for a while; the logarithm of the factor is Laplace with scale 1/3, as that of `Gain`. Where the
+    output is logarithmic the added level is that.
+
     Parameters
     ----------
     column : str
@@ -188,6 +193,13 @@ class Episode(Located):
         Prior of the place where it begins; bounded.
     axis : Axis
         Where the measured rows lie; `prepare` looks.
+    factor : bool, default=False
+        Whether the output is multiplied there.
+
+    Raises
+    ------
+    ValueError
+        When prepared with ``factor=True`` for a logarithmic output.
 
     Examples
     --------
@@ -202,15 +214,50 @@ class Episode(Located):
     """
 
     kind = "episode"
-    coefficients = ("amplitude",)
+
+    def __init__(
+        self,
+        column: str,
+        location: Prior | None = None,
+        axis: Axis = UNKNOWN,
+        factor: bool = False,
+    ):
+        super().__init__(column, location, axis)
+        self.factor = factor
+
+    @property
+    def variant(self) -> str:
+        """Whether it multiplies."""
+        return "factor" if self.factor else ""
+
+    @property
+    def coefficients(self) -> tuple[str, ...]:  # type: ignore[override]
+        """The level that is added."""
+        return () if self.factor else ("amplitude",)
+
+    def prepare(self, context: Context) -> Cause:
+        """Fill in the axis, and the prior of the location."""
+        if self.factor and context.log_scale:
+            raise ValueError(
+                f"Episode({self.column!r}, factor=True) is for an output itself; where its "
+                f"logarithm is measured, Episode({self.column!r}) is a factor."
+            )
+        return super().prepare(context)
 
     def priors_by_name(self) -> Mapping[str, Prior]:
-        """Return the priors of the location and of the length's share."""
-        return {"location": self.location, "share": frozen(stats.uniform)}
+        """Return the priors of the location, of the length's share, and of a factor."""
+        places = {"location": self.location, "share": frozen(stats.uniform)}
+        return {**places, "factor": frozen(stats.loglaplace, 3.0)} if self.factor else places
+
+    def start(self) -> dict[str, float]:
+        """Return a factor of one."""
+        return {"factor": 1.0} if self.factor else {}
 
     def grid(self) -> dict[str, FloatArray]:
         """Return locations and shares of lengths."""
-        return {"location": self.locations(80), "share": (np.arange(10) + 0.5) / 10}
+        # a factor is followed from one at every node, which takes longer than a column
+        most = 40 if self.factor else 80
+        return {"location": self.locations(most), "share": (np.arange(10) + 0.5) / 10}
 
     def end(self, theta: Rows) -> FloatArray:
         """Return where it ends."""
@@ -219,23 +266,46 @@ class Episode(Located):
         longest = np.maximum(axis.center + 0.5 * axis.span - theta["location"], shortest)
         return theta["location"] + shortest * (longest / shortest) ** theta["share"]
 
-    def columns(self, X: Rows, theta: Rows) -> FloatArray:
-        """Return 1 within the episode, 0 elsewhere."""
+    def _within(self, X: Rows, theta: Rows) -> NDArray[np.bool_]:
         x = X[self.column]
-        return ((x >= theta["location"]) & (x < self.end(theta))).astype(float)[:, None]
+        return np.asarray((x >= theta["location"]) & (x < self.end(theta)))
+
+    def columns(self, X: Rows, theta: Rows) -> FloatArray | None:
+        """Return 1 within the episode, 0 elsewhere; nothing where it multiplies."""
+        return None if self.factor else self._within(X, theta).astype(float)[:, None]
+
+    def gain(self, X: Rows, theta: Rows) -> FloatArray | float:
+        """Return the factor within the episode, 1 elsewhere."""
+        return np.where(self._within(X, theta), theta["factor"], 1.0) if self.factor else 1.0
+
+    @property
+    def acts_on(self) -> frozenset[Act]:
+        """The factor, where there is one."""
+        return frozenset({"gain"} if self.factor else ())
 
     def estimates(self, theta: Rows, coefficients: Rows) -> dict[str, FloatArray]:
-        """Return where it begins and ends, and the amplitude."""
+        """Return where it begins and ends, and the amplitude or the factor."""
+        size = {"factor": np.asarray(theta["factor"])} if self.factor else coefficients
         begin = np.asarray(theta["location"])
-        return {"location": begin, "end": self.end(theta), **coefficients}
+        return {"location": begin, "end": self.end(theta), **size}
 
     def code(self) -> Code:
         """Return the cause as Python."""
-        return Code(
-            "{amplitude} * (({x} >= {location}) & ({x} < {end}))",
-            {"amplitude": "{y}", "location": "{x}", "end": "{x}"},
-            {"x": self.column},
-        )
+        places, x = {"location": "{x}", "end": "{x}"}, {"x": self.column}
+        within = "(({x} >= {location}) & ({x} < {end}))"
+        if self.factor:
+            whole = f"{{simulated}} * np.where({within}, {{factor}}, 1)"
+            return Code(whole, {"factor": "1", **places}, x, does="responds")
+        return Code(f"{{amplitude}} * {within}", {"amplitude": "{y}", **places}, x)
+
+
+def _multiplied(context: Context) -> Iterator[Cause]:
+    return (Episode(name, factor=True) for name in context.inputs if not context.log_scale)
+
+
+def _lacking_multiplied(context: Context) -> Iterator[tuple[str | None, str]]:
+    if context.log_scale:
+        yield None, "the logarithm of the output is measured: episode is the same"
 
 
 register(
@@ -256,6 +326,26 @@ register(
         "twentieth of the span) to the distance of the last row",
         estimates="location, end, amplitude",
         left_out="fewer than 8 distinct values",
+    )
+)
+register(
+    Form(
+        "episode: factor",
+        Episode,
+        _multiplied,
+        meaning="between two places of {column} {output} is a multiple of what is simulated, as "
+        "where another unit was written down",
+        least_distinct=8,
+        lacking=_lacking_multiplied,
+        headline=(
+            "From {column} = {location:place} to {end:place} {output} is {factor} times what the "
+            "simulation gives"
+        ),
+        call="`Episode(x, factor=True)`",
+        formula="eta, factor eta from location to end",
+        priors="location and length: as for `episode`; log factor: Laplace, scale 1/3",
+        estimates="location, end, factor",
+        left_out="fewer than 8 distinct values; a logarithmic output, where episode is the same",
     )
 )
 

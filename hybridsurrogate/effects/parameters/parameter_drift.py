@@ -19,19 +19,29 @@ from hybridsurrogate.types import Prior
 
 # the simulation runs at every period that is tried
 _MOST_CYCLES = 25
+# a logarithm of a factor that breaks any simulation; beyond there is overflow only
+_BREAKS = 50.0
 
 
 class _Shape(NamedTuple):
-    """One way to drift: its sizes, zero where nothing drifts, and the shift they bring about."""
+    """One way to drift: its sizes, zero where nothing drifts, and the shift they bring about.
+
+    Of one that multiplies, that of the parameter's logarithm.
+    """
 
     sizes: tuple[str, ...]
     shift: Callable[[FloatArray, Rows], FloatArray]
     code: str
     units: Mapping[str, str]
+    multiplies: bool = False
 
 
 def _linear(x: FloatArray, theta: Rows) -> FloatArray:
     return theta["slope"] * x
+
+
+def _exponential(x: FloatArray, theta: Rows) -> FloatArray:
+    return np.clip(theta["rate"] * x, -_BREAKS, _BREAKS)
 
 
 def _jump(x: FloatArray, theta: Rows) -> FloatArray:
@@ -53,6 +63,13 @@ _SHAPES = {
         _linear,
         "{slope} * ({x} - {center})",
         {"slope": "{of} / {x}"},
+    ),
+    "exponential": _Shape(
+        ("rate",),
+        _exponential,
+        "np.exp({rate} * ({x} - {center}))",
+        {"rate": "1 / {x}"},
+        multiplies=True,
     ),
     "step": _Shape(
         ("change",),
@@ -81,17 +98,19 @@ class ParameterDrift(Declared):
     The simulation is run with ``parameter + shift(x)``:
 
     - ``shape="linear"``: ``slope (x - center)``;
+    - ``shape="exponential"``: it is ``parameter exp(rate (x - center))``, which never changes sign,
+      as rates over the temperature (Arrhenius 1889, Zeitschrift für physikalische Chemie 4:226);
     - ``shape="step"``: ``change`` from x = location on;
     - ``shape="logistic"``: ``change / (1 + exp(-(x - location) / width))``;
     - ``shape="periodic"``: ``amplitude sin(2 pi (x - center) / period + phase)``.
 
-    Slope, change and amplitude are in units of the parameter (the slope per unit of the column),
-    location, width and period in those of the column. Sizes have a Cauchy prior (Student-t with one
-    degree of freedom): over the measured rows the parameter changes by about its prior's standard
-    deviation, or by much less or more. The location is uniform over the measured rows. The width is
-    log-uniform from half the distance of neighbouring rows (at most a twentieth of the span) to a
-    quarter of the span. The period is log-uniform from four distances of neighbouring rows (at
-    least a 25th of the span) to twice their span.
+    Change and amplitude are in units of the parameter, the slope in those per unit of the column,
+    the rate per unit of the column, location, width and period in those of the column. Sizes have a
+    Cauchy prior (Student-t with one degree of freedom): over the measured rows the parameter
+    changes by about its prior's standard deviation, or by much less or more. The location is
+    uniform over the measured rows. The width is log-uniform from half the distance of neighbouring
+    rows (at most a twentieth of the span) to a quarter of the span. The period is log-uniform from
+    four distances of neighbouring rows (at least a 25th of the span) to twice their span.
 
     Parameters
     ----------
@@ -99,15 +118,22 @@ class ParameterDrift(Declared):
         A parameter of the simulation.
     column : str
         Any measured column.
-    shape : {"linear", "step", "logistic", "periodic"}, default="linear"
+    shape : {"linear", "exponential", "step", "logistic", "periodic"}, default="linear"
     slope : frozen scipy.stats distribution or None, default=None
         Prior of the slope, or of whatever the size of the shape is.
     center : float or None, default=None
-        Where a linear drift leaves the parameter as it is. None: the middle of the measured rows.
+        Where a linear or exponential drift leaves the parameter as it is. None: the middle of the
+        measured rows.
     others : dict of name to frozen scipy.stats distribution, or None, default=None
         Priors of location, width or period. None: as above, from the measured rows.
     axis : Axis
         Where the measured rows lie; `prepare` looks.
+
+    Raises
+    ------
+    ValueError
+        When prepared for a name that is no parameter, a shape that is none, or for an exponential
+        drift of a parameter whose prior has both signs.
 
     Examples
     --------
@@ -171,14 +197,23 @@ class ParameterDrift(Declared):
                 f"shape must be one of {list(_SHAPES)}, got {self.shape!r}."
                 f"{did_you_mean(self.shape, _SHAPES)}"
             )
+        prior = context.parameters[self.parameter]
+        if _SHAPES[self.shape].multiplies and prior.support()[0] < 0 < prior.support()[1]:
+            raise ValueError(
+                f"shape={self.shape!r} multiplies {self.parameter!r}, whose prior has values of "
+                "both signs: use shape='linear', or a prior of one sign."
+            )
         axis = context.axis(self.column)
         span, spacing, location = axis.span, axis.spacing, axis.location_prior
-        size = prior_sd(context.parameters[self.parameter])
-        if self.shape == "linear":
+        size = prior_sd(prior)
+        if self.shape in ("linear", "exponential"):
             size /= span
+        if _SHAPES[self.shape].multiplies:
+            size /= abs(float(prior.ppf(0.5)))
         shortest = float(np.clip(4 * spacing, span / _MOST_CYCLES, span))
         defaults: dict[str, dict[str, Prior]] = {
             "linear": {},
+            "exponential": {},
             "step": {"location": location},
             "logistic": {
                 "location": location,
@@ -193,11 +228,13 @@ class ParameterDrift(Declared):
         )
 
     def inputs(self, X: Rows, omega: Rows, theta: Rows) -> tuple[Rows, Rows]:
-        """Shift the parameter, row by row."""
+        """Shift or multiply the parameter, row by row."""
         # places are where they are; slopes and phases are counted from the middle
         x = X[self.column] - (0.0 if "location" in theta else self.pivot)
-        shift = _SHAPES[self.shape].shift(x, theta)
-        return X, {**omega, self.parameter: omega[self.parameter] + shift}
+        shape, value = _SHAPES[self.shape], omega[self.parameter]
+        shift = shape.shift(x, theta)
+        moved = value * np.exp(shift) if shape.multiplies else value + shift
+        return X, {**omega, self.parameter: moved}
 
     def start(self) -> dict[str, float]:
         """Return sizes of zero."""
@@ -240,16 +277,17 @@ class ParameterDrift(Declared):
 
     @property
     def pivot(self) -> float:
-        """Where a linear drift leaves the parameter as it is, and a wave has phase zero."""
+        """Where a steady drift leaves the parameter as it is, and a wave has phase zero."""
         return self.axis.center if self.center is None else self.center
 
     def code(self) -> Code:
         """Return the cause as Python."""
-        located = "location" in _SHAPES[self.shape].units
+        shape = _SHAPES[self.shape]
+        located = "location" in shape.units
         angle = {"angle": "2 * np.pi * ({x} - {center}) / {period}"}
         return Code(
-            f"{{of}} + {_SHAPES[self.shape].code}",
-            _SHAPES[self.shape].units,
+            f"{{of}} {'*' if shape.multiplies else '+'} {shape.code}",
+            shape.units,
             {"x": self.column},
             {} if located else {"center": self.pivot},
             steps=angle if self.shape == "periodic" else {},
@@ -276,6 +314,13 @@ def _over_extras(context: Context) -> Iterator[Cause]:
             yield ParameterDrift(parameter, column)
 
 
+def _exponentials(context: Context) -> Iterator[Cause]:
+    positive = {name for name, prior in context.parameters.items() if prior.support()[0] >= 0}
+    for drift in (*_over_inputs("linear")(context), *_over_extras(context)):
+        if drift.target in positive:
+            yield drift.filled(shape="exponential")
+
+
 def _lacking(context: Context) -> Iterator[tuple[str | None, str]]:
     if not context.parameters:
         yield None, "the simulation has no parameters"
@@ -300,6 +345,19 @@ register(
         estimates="slope",
         left_out="no parameters; fewer than 3 distinct values of an input, 2 of another column; "
         "over time, p sets an ODE's initial state only",
+    )
+)
+register(
+    Form(
+        "parameter-drift: exponential",
+        ParameterDrift,
+        _exponentials,
+        least_distinct=3,
+        call='`..., shape="exponential"`',
+        formula="eta(p exp(rate (x - center)))",
+        priors="rate: Cauchy, one prior sd of p, in shares of its median, over the span",
+        estimates="rate",
+        left_out="as `linear`; p may be negative; fewer than 3 distinct values",
     )
 )
 register(

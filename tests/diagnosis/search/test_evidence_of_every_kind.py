@@ -41,6 +41,7 @@ HIDDEN = {
             ("missing-input", "missing input", "wind"),
             ("interaction", "interaction", "t * dose"),
             ("episode", "episode", "t"),
+            ("episode: factor", "episode, factor", "t"),
             ("build-up", "build-up", "t"),
             ("limit", "limit", None),
             ("response", "response", None),
