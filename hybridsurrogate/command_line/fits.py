@@ -3,28 +3,23 @@
 from __future__ import annotations
 
 import argparse
-from functools import partial
 from typing import Any
 
 import numpy as np
 import pandas as pd
 
 from hybridsurrogate.command_line.output import (
-    STDOUT,
-    as_json,
     check_outputs,
     print_table,
-    say,
+    show,
     stage,
     write_files,
-    write_json,
 )
 from hybridsurrogate.command_line.study import check_file_columns, model_of, read_study_data
 from hybridsurrogate.command_line.user_code import read_saved
 from hybridsurrogate.diagnosis import DiscrepancyDiagnosis
 from hybridsurrogate.estimators import choose_beta as held_out
 from hybridsurrogate.estimators.beta_path import LEAVE_FUTURE_OUT
-from hybridsurrogate.saved_file import save
 from hybridsurrogate.simulation.simulator import Simulator
 from hybridsurrogate.simulation.table_file import numbers_of, read_table
 
@@ -39,7 +34,9 @@ def fit(given: argparse.Namespace) -> int:
     with stage("Fit", given):
         model.fit(study.X, study.y, y_err=list(given.errors) or None)
     table = model.summary()
-    _finish(model, _text(table), {"estimates": _records(table)}, given, study.code)
+    numbers = {"estimates": _records(table)}
+    files = write_files(given, numbers, saved=model, code=study.code)
+    show(given, _text(table), numbers, *files)
     return 0
 
 
@@ -61,7 +58,8 @@ def choose_beta(given: argparse.Namespace) -> int:
         )
     text = f"beta = {choice.beta:g} has the best held-out ELPD.\n\n{_text(choice.table)}"
     numbers = {"beta": choice.beta, "table": _records(choice.table)}
-    _finish(choice.estimator, text, numbers, given, study.code)
+    files = write_files(given, numbers, saved=choice.estimator, code=study.code)
+    show(given, text, numbers, *files)
     return 0
 
 
@@ -97,22 +95,6 @@ def _rows_for(model: Any, table: pd.DataFrame, path: str) -> pd.DataFrame:
     return pd.DataFrame(
         {name: table[name] if name == label else numbers_of(table[name], path) for name in names}
     )
-
-
-def _finish(
-    model: Any, text: str, numbers: dict[str, Any], given: argparse.Namespace, code: str | None
-) -> None:
-    written, failed = write_files(
-        [
-            ("Numbers", given.json, partial(write_json, numbers)),
-            ("Saved", given.save, lambda path: save(model, path, code)),
-        ]
-    )
-    say("\n".join([text, *([""] if written else []), *written]))
-    if given.json == STDOUT:
-        say(as_json(numbers), given.result)
-    if failed:
-        raise OSError(" ".join(failed))
 
 
 def _text(table: pd.DataFrame) -> str:

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import argparse
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 from scipy import stats
 
@@ -124,6 +124,8 @@ class Option:
         On the command line or in the study file.
     in_file : bool
         Whether a study file may contain it.
+    example : str
+        A right value of a pair.
     """
 
     name: str
@@ -135,6 +137,7 @@ class Option:
     positional: bool = False
     required: bool = False
     in_file: bool = True
+    example: str = ""
 
     @property
     def flag(self) -> str:
@@ -148,17 +151,77 @@ class Option:
         return str(self.default) if shown else ""
 
 
-_PARSED: dict[str, dict[str, Any]] = {
-    "text": {},
-    "path": {},
-    "paths": {"nargs": "+"},
-    "names": {"nargs": "+"},
-    "limit": {},
-    "number": {"type": float},
-    "numbers": {"type": float, "nargs": "+"},
-    "whole": {"type": int},
-    "pairs": {"action": "append"},
-    "yes": {"action": "store_true"},
+def _is_number(value: Any) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool)
+
+
+def _names(value: Any) -> list[str] | None:
+    names = [value] if isinstance(value, str) else value
+    right = isinstance(names, list) and all(isinstance(name, str) for name in names)
+    return names if right else None
+
+
+def _pairs(value: Any) -> dict[str, str] | None:
+    if not isinstance(value, dict):
+        return None
+    lists = {name: one if isinstance(one, list) else [one] for name, one in value.items()}
+    right = all(isinstance(one, str) or _is_number(one) for own in lists.values() for one in own)
+    return {name: ",".join(map(str, own)) for name, own in lists.items()} if right else None
+
+
+class Kind(NamedTuple):
+    """How a kind of value is typed, and what it is in a study file.
+
+    Attributes
+    ----------
+    typed : dict
+        For `argparse.ArgumentParser.add_argument`.
+    wanted : str
+        What a study file must hold.
+    read : callable
+        Takes what it holds and returns the value, None where it is something else.
+    """
+
+    typed: dict[str, Any]
+    wanted: str
+    read: Callable[[Any], Any]
+
+
+_TEXT = Kind({}, "text", lambda value: value if isinstance(value, str) else None)
+_NAMES = Kind({"nargs": "+"}, 'a list of names, such as ["t"]', _names)
+KINDS = {
+    "text": _TEXT,
+    "path": _TEXT,
+    "paths": _NAMES,
+    "names": _NAMES,
+    "limit": Kind(
+        {},
+        "a number or a column",
+        lambda value: str(value) if isinstance(value, str) or _is_number(value) else None,
+    ),
+    "number": Kind(
+        {"type": float}, "a number", lambda value: float(value) if _is_number(value) else None
+    ),
+    "numbers": Kind(
+        {"type": float, "nargs": "+"},
+        "a list of numbers",
+        lambda value: (
+            list(map(float, value))
+            if isinstance(value, list) and all(map(_is_number, value))
+            else None
+        ),
+    ),
+    "whole": Kind(
+        {"type": int},
+        "a whole number",
+        lambda value: value if isinstance(value, int) and _is_number(value) else None,
+    ),
+    "pairs": Kind({"action": "append"}, "a table of names, such as {speed = [2, 0.5]}", _pairs),
+    "yes": Kind(
+        {"action": "store_true"},
+        "true or false",
+        lambda value: value if isinstance(value, bool) else None,
+    ),
 }
 
 
@@ -171,7 +234,7 @@ def add_options(parser: argparse.ArgumentParser, options: Iterable[Option]) -> N
     options : iterable of Option
     """
     for one in options:
-        settings = dict(_PARSED[one.kind])
+        settings = dict(KINDS[one.kind].typed)
         if one.choices:
             settings["choices"] = one.choices
         if one.positional:
@@ -189,7 +252,7 @@ def completed(
 ) -> dict[str, Any]:
     """Return a value for each option: what was given, else that in the file, else the default.
 
-    Pairs of both are joined, and a name that both have is as it was given.
+    Pairs are a dict, in which a name that both have is as it was given.
 
     Parameters
     ----------
@@ -199,7 +262,7 @@ def completed(
     Raises
     ------
     ValueError
-        Where one that is required is in neither.
+        Where one that is required is in neither, and for a pair without a name or a value.
 
     Examples
     --------
@@ -210,7 +273,7 @@ def completed(
     for one in options:
         out[one.name] = given.get(one.name, from_file.get(one.name, one.default))
         if one.kind == "pairs":
-            out[one.name] = [*from_file.get(one.name, []), *given.get(one.name, [])]
+            out[one.name] = from_file.get(one.name, {}) | _named(given.get(one.name, []), one)
         if one.required and not out[one.name]:
             raise ValueError(
                 f"{one.flag} is missing: give it"
@@ -219,28 +282,16 @@ def completed(
     return out
 
 
-def named(pairs: Sequence[str], option: str, example: str) -> dict[str, str]:
-    """Return NAME=VALUE texts by name; raise ValueError for a text without one of the two.
-
-    Parameters
-    ----------
-    pairs : sequence of str
-    option : str
-        What it is called, and the form of a value.
-    example : str
-        A value that is right.
-
-    Examples
-    --------
-    >>> named(["co2=ppm"], "--units NAME=UNIT", "ppm")
-    {'co2': 'ppm'}
-    """
+def _named(pairs: Sequence[str], option: Option) -> dict[str, str]:
+    """Return NAME=VALUE texts by name; raise ValueError for a text without one of the two."""
     out = {}
-    flag, form = option.split()
     for text in pairs:
         name, _, value = text.partition("=")
         if not name or not value:
-            raise ValueError(f"{flag} {text}: write {form}, such as {name or 'x'}={example}.")
+            raise ValueError(
+                f"{option.flag} {text}: write {option.metavar}, such as "
+                f"{name or 'x'}={option.example}."
+            )
         out[name] = value
     return out
 
@@ -287,12 +338,14 @@ DATA = (
         "prior of a parameter: normal MEAN,SD, or MEAN,SD,LOW,HIGH cut off there, or uniform "
         "LOW..HIGH; of runs the default is uniform over them",
         metavar="NAME=MEAN,SD",
+        example="2,0.5",
     ),
     Option(
         "assumed",
         "pairs",
         "constant that the modeller fixed, and the range in which it may be (of runs: theirs)",
         metavar="NAME=VALUE[,LOW,HIGH]",
+        example="0.5,0.3,0.9",
     ),
     Option(
         "runs",
@@ -315,6 +368,7 @@ DATA = (
         "parameter that differs between experiments: own, or spread around a mean; of the output "
         "spread: errors that rows share",
         metavar="NAME=HOW",
+        example="spread",
     ),
 )
 MODEL = (
@@ -367,7 +421,9 @@ BETA_SCAN = Option("beta_scan", "yes", "also try other weights: takes longer tha
 REPORT = Option("report", "path", "report to write: .html, .txt or .json", "report.html", "FILE")
 OUTCOME = (
     Option("json", "path", "also write the numbers; - prints them alone", metavar="FILE"),
-    Option("units", "pairs", "unit of a column, for the report", metavar="NAME=UNIT"),
+    Option(
+        "units", "pairs", "unit of a column, for the report", metavar="NAME=UNIT", example="ppm"
+    ),
     Option("check", "yes", "end with exit code 1 unless the verdict is adequate", False),
 )
 SAVE = Option("save", "path", "file to save the result in, for later commands", metavar="FILE")

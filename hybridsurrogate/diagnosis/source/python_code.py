@@ -9,7 +9,7 @@ from numbers import Integral
 
 import numpy as np
 
-from hybridsurrogate.arguments import described
+from hybridsurrogate.arguments import check_units
 from hybridsurrogate.diagnosis.fitting.result import DiagnosisResult
 from hybridsurrogate.diagnosis.source.dynamics import dynamics
 from hybridsurrogate.diagnosis.source.functions import extended_function, function_of
@@ -21,7 +21,6 @@ from hybridsurrogate.diagnosis.source.parts import (
 )
 from hybridsurrogate.diagnosis.source.text import WIDTH, inline
 from hybridsurrogate.estimators.averaged import AveragedSurrogate, leading
-from hybridsurrogate.exceptions import did_you_mean
 from hybridsurrogate.model.posterior import Posterior
 from hybridsurrogate.model.rows.stacking import Stacking
 from hybridsurrogate.numerics.digits import listing, percent
@@ -163,7 +162,7 @@ def extended_model(
         simulator=simulator,
         sizes=sizes,
         labels=labels,
-        units=_checked_units(units, [name for name in names if name != OUTPUT]),
+        units=check_units(units, [name for name in names if name != OUTPUT]),
         about=_about(result),
         written_by=_written_by(result),
         functions=_functions_of(simulator),
@@ -183,22 +182,6 @@ def _sigma(
         name: scale * posterior.noise_of(name, k)
         for k, (name, scale) in enumerate(zip(outputs, stacking.scale, strict=True))
     }
-
-
-def _checked_units(units: Mapping[str, str] | None, names: Sequence[str]) -> dict[str, str]:
-    if units is None:
-        return {}
-    if not isinstance(units, Mapping):
-        raise TypeError(f'units must be a dict such as {{"co2": "ppm"}}, got {described(units)}.')
-    for name, unit in units.items():
-        if name not in names:
-            raise ValueError(
-                f"units: there is no {name!r}; there are {', '.join(names)}."
-                f"{did_you_mean(str(name), names)}"
-            )
-        if not isinstance(unit, str):
-            raise TypeError(f"The unit of {name!r} must be text, got {described(unit)}.")
-    return dict(units)
 
 
 def _about(result: DiagnosisResult) -> list[str]:

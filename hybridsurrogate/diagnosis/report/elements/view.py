@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -23,7 +23,6 @@ from hybridsurrogate.effects.base import Cause
 from hybridsurrogate.effects.context import label_columns
 from hybridsurrogate.estimators.averaged import AveragedSurrogate, leading
 from hybridsurrogate.estimators.power_scaled import PowerScaledSurrogate
-from hybridsurrogate.exceptions import did_you_mean
 from hybridsurrogate.likelihoods import Censored
 from hybridsurrogate.model.rows.stacking import Stacking
 from hybridsurrogate.numerics import digits
@@ -439,15 +438,9 @@ def view_of(result: DiagnosisResult, units: Mapping[str, str] | None = None) -> 
     TypeError
         For units that are no dict of text.
     """
-    view = View(result, units=check_units(units))
-    simulation = result.before.simulation
+    view, simulation = View(result), result.before.simulation
     known = [*view.columns, *view.outputs, *simulation.parameter_names, *simulation.assumed_names]
-    unknown = [name for name in view.units if name not in known]
-    if unknown:
-        raise ValueError(
-            f"units has {unknown}, which is no column, output or parameter: these are {known}."
-            f"{did_you_mean(unknown, known)}"
-        )
+    view = replace(view, units=check_units(units, known))
     if view.stacking is None:
         return view
     if view.cause is not None and view.cause.output is not None:
