@@ -269,7 +269,7 @@ def _unexplained(view: View) -> tuple[str, ...]:
     share = digits.probability(view.result.extension.best_cause.probability)
     out = [f"A smooth curve of unknown cause has {share} of the probability."]
     band = view.band
-    stretches = band.stretches(band.grid[:, view.columns.index(band.column)])
+    stretches = band.stretches(view.band_x)
     if stretches and view.name in view.inputs:
         low, high, sign = max(stretches, key=lambda s: s[1] - s[0])
         out.append(

@@ -79,17 +79,13 @@ def _drawn(
         drawn[1] if view.extended else None,
         held,
         view.is_curve,
-        (view.axis(view.name), view.axis(view.output), f"residual ({_residual_unit(view)})"),
+        (view.axis(view.name), view.axis(view.output), f"residual ({view.unit_of(view.output)})"),
         axes,
         None if view.y_err is None else view.y_err[shown],
         None if view.side is None else view.side[shown],
     )
     logarithmic(axes[0], view, y)
     return axes, table, low
-
-
-def _residual_unit(view: View) -> str:
-    return view.units.get(view.output, view.output)
 
 
 def _predicted(

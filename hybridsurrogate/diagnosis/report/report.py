@@ -110,6 +110,20 @@ class Report:
             part.write_text(content, encoding="utf-8")
 
 
+class Reported:
+    """A result that prints as its report, and shows it in a notebook."""
+
+    def report(self, full: bool = False) -> Report:
+        """Return the report."""
+        raise NotImplementedError
+
+    def __str__(self) -> str:
+        return str(self.report())
+
+    def _repr_html_(self) -> str:
+        return self.report()._repr_html_()
+
+
 def ending_of(path: str | os.PathLike[str]) -> str:
     """Return how a file name ends; raise ValueError where no report is written so."""
     ending = local_path(path).suffix.lower()

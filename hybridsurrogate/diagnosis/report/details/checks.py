@@ -81,11 +81,8 @@ def _refinement(view: View) -> list[str]:
 
 
 def _draws(view: View) -> pd.DataFrame:
-    models = [("simulation", view.result.before)]
-    if view.extended:
-        models.append(("extended model", view.found))
     rows = []
-    for word, model in models:
+    for word, model in view.models.items():
         d = model.diagnostics_
         # several rounds of proposals may be worth more than the draws that are kept
         effective = min(d.effective_draws, model.n_draws)
@@ -201,11 +198,8 @@ def _failed_runs(view: View) -> list[str]:
 
 
 def _doubtful_draws(view: View) -> list[str]:
-    models = [("simulation", view.result.before)]
-    if view.extended:
-        models.append(("extended model", view.found))
     return [
         f"The draws of the {word} are doubtful: {'; '.join(problems)}."
-        for word, model in models
+        for word, model in view.models.items()
         if (problems := model.diagnostics_.problems())
     ]

@@ -76,8 +76,9 @@ def _code(view: View) -> str:
 def _sentences(view: View) -> list[str]:
     out = [f"{meaning}." for _, cause in view.findings if (meaning := _meaning(view, cause))]
     if view.log_scale:
+        likelihood = view.result.search.problem.likelihood.name
         out.append(
-            f"Under the {view.likelihood} likelihood the cause acts on log {view.output}: adding "
+            f"Under the {likelihood} likelihood the cause acts on log {view.output}: adding "
             f"0.1 there makes {view.output} larger by a factor of 1.105."
         )
     if len(view.findings) > 1:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
@@ -9,7 +11,7 @@ from matplotlib.axes import Axes
 from hybridsurrogate import plotting
 from hybridsurrogate.diagnosis.answers.experimental_design import information_at
 from hybridsurrogate.diagnosis.report.elements.section import Drawn, logarithmic, rendered
-from hybridsurrogate.diagnosis.report.elements.view import View, label_of
+from hybridsurrogate.diagnosis.report.elements.view import SETTINGS, View, label_of
 from hybridsurrogate.diagnosis.validation.beta_scan import best_beta
 from hybridsurrogate.diagnosis.validation.gain import COVERAGE_LEVEL, HeldOutGain
 from hybridsurrogate.effects.context import MOST_EXPERIMENTS
@@ -22,14 +24,12 @@ def picture_discrepancy(view: View) -> Drawn:
     (ax,) = axes = plotting.new_axes(height=3.4)
     band = view.band
     if band.column == view.name:
-        values = band.grid[:, view.shown]
-        plotting.plot_discrepancy(ax, values, band.mean, band.lower, band.upper)
+        plotting.plot_discrepancy(ax, view.band_x, band.mean, band.lower, band.upper)
         plotting.plot_measured(ax, view.x, band.residual, "measured - simulated")
     else:
         # the smooth curve is one over the inputs and does not know the column that matters
         _draw_column(ax, view)
-    log = "log " if view.log_scale else ""
-    plotting.tidy(ax, view.axis(view.name), f"{log}measured - {log}simulated")
+    plotting.tidy(ax, view.axis(view.name), f"{view.log}measured - {view.log}simulated")
     return rendered(axes, _described(view))
 
 
@@ -72,16 +72,13 @@ def picture_experiments(view: View, column: str) -> Drawn:
     for ax in axes[len(levels) :]:
         ax.remove()
     axes = axes[: len(levels)]
-    limit = max(np.max(np.abs(ax.get_ylim())) for ax in axes)
-    for ax in axes:
-        ax.set_ylim(-limit, limit)
-    log = "log " if view.log_scale else ""
+    _center(axes)
     figure = axes[0].figure
-    figure.supylabel(f"{log}measured - {log}simulated {view.output}", fontsize="medium")
+    figure.supylabel(f"{view.log}measured - {view.log}simulated {view.output}", fontsize="medium")
     figure.legend(*axes[0].get_legend_handles_labels(), loc="outside upper right", ncols=2)
     return rendered(
         axes,
-        f"For each {column}: {log}measured minus {log}simulated {view.output} over "
+        f"For each {column}: {view.log}measured minus {view.log}simulated {view.output} over "
         f"{view.columns[shown]} as dots, and what the extended model adds to the calibrated "
         "simulation as a line.",
     )
@@ -114,8 +111,7 @@ def picture_output(view: View) -> Drawn:
     plotting.tidy(top, "", view.axis(view.output))
     left = view.working_residuals(view.found)
     plotting.plot_residuals(bottom, view.x, left, colour, "residual")
-    log = "log " if view.log_scale else ""
-    plotting.tidy(bottom, view.axis(view.name), f"{log}measured - {log}predicted", False)
+    plotting.tidy(bottom, view.axis(view.name), f"{view.log}measured - {view.log}predicted", False)
     rms = digits.number(float(np.sqrt(np.mean(left**2))), 3)
     return rendered(
         axes,
@@ -126,7 +122,7 @@ def picture_output(view: View) -> Drawn:
 
 def picture_causes(view: View) -> Drawn:
     """Draw the probabilities of the causes."""
-    candidates, probabilities = zip(*view.most_probable, strict=True)
+    candidates, probabilities = zip(*view.candidates[: SETTINGS.most_causes], strict=True)
     names = [label_of(candidate) for candidate in candidates]
     chosen = next((k for k, one in enumerate(candidates) if one.cause is view.cause), None)
     axes = plotting.new_axes(height=1.0 + 0.32 * len(names))
@@ -138,28 +134,27 @@ def picture_causes(view: View) -> Drawn:
 
 def picture_residuals(view: View) -> Drawn:
     """Draw residuals before and after over the shown column, and their quantiles."""
-    models = [("before", view.result.before, BEFORE, "o")]
-    if view.extended:
-        models.append(("after", view.found, AFTER, "s"))
-    n = len(models)
+    looks = (("before", BEFORE, "o"), ("after", AFTER, "s"))
+    n = len(view.models)
     axes = plotting.new_axes(2, n, width=7.0 if n > 1 else 4.5, height=5.4)
-    log = "log " if view.log_scale else ""
     sizes = []
-    for k, (word, model, colour, mark) in enumerate(models):
+    for k, (model, (word, colour, mark)) in enumerate(
+        zip(view.models.values(), looks, strict=False)
+    ):
         residual = view.working_residuals(model)
-        sizes.append(float(np.sqrt(np.mean(residual**2))))
+        sizes.append(f"{digits.number(float(np.sqrt(np.mean(residual**2))), 3)} {word}")
         plotting.plot_residuals(axes[k], view.x, residual, colour, word)
         plotting.tidy(
-            axes[k], view.axis(view.name), f"{log}measured - {log}predicted", False, ticks=5
+            axes[k],
+            view.axis(view.name),
+            f"{view.log}measured - {view.log}predicted",
+            False,
+            ticks=5,
         )
         plotting.plot_quantiles(axes[n + k], view.standardised(model), colour, mark, word)
     for row in (axes[:n], axes[n:]):
-        limit = max(np.max(np.abs(ax.get_ylim())) for ax in row)
-        for ax in row:
-            ax.set_ylim(-limit, limit)
-    text = " and ".join(
-        f"{digits.number(size, 3)} {word}" for size, (word, *_) in zip(sizes, models, strict=True)
-    )
+        _center(row)
+    text = " and ".join(sizes)
     return rendered(
         axes,
         f"Above: residuals over {view.name}, their root mean square {text}. Below: standardised "
@@ -207,16 +202,17 @@ def picture_next(view: View) -> Drawn:
     place = view.result.next_measurement.place
     view = view.of(place["output"]) if view.stacking is not None else view
     at = np.array([place[name] for name in view.columns])
-    low, high = view.simulated_range()
-    rows = view.grid(min(low, at[view.shown]), max(high, at[view.shown]), at)
+    here = at[view.shown]
+    simulated = view.result.before.simulation.input_ranges.get(view.name, ())
+    ends = [*simulated, view.x.min(), view.x.max(), here]
+    rows = view.grid(min(ends), max(ends), at)
     x = rows[:, view.shown]
     found = view.result.asked
     alternatives = view.alternatives(found)
     means = [view.expected(found, one, rows) for one in alternatives]
     axes = plotting.new_axes(2, 1, height=5.0, share=True)
-    plotting.plot_alternatives(
-        axes[0], x, means, [label_of(one) for one in alternatives], at[view.shown]
-    )
+    names = [label_of(one) for one in alternatives]
+    plotting.plot_alternatives(axes[0], x, means, names, here)
     if view.is_curve:
         plotting.plot_measured(axes[0], view.x, view.y)
     logarithmic(axes[0], view, view.y)
@@ -224,13 +220,12 @@ def picture_next(view: View) -> Drawn:
     plotting.share_range(axes[:1], np.concatenate([view.y, near]))
     plotting.tidy(axes[0], "", view.axis(view.output))
     information = information_at(found, view.single(rows))
-    plotting.plot_information(axes[1], x, information, at[view.shown])
+    plotting.plot_information(axes[1], x, information, here)
     plotting.tidy(axes[1], view.axis(view.name), "information\nin bits", legend=False)
-    text = digits.listing([label_of(one) for one in alternatives])
     return rendered(
         axes,
-        f"What the alternatives predict over {view.name}: {text}. A vertical line marks "
-        f"{view.name} = {digits.number(float(at[view.shown]))}, where one more measurement would "
+        f"What the alternatives predict over {view.name}: {digits.listing(names)}. A vertical "
+        f"line marks {view.name} = {digits.number(float(here))}, where one more measurement would "
         "best separate them.",
     )
 
@@ -251,6 +246,13 @@ def picture_weight(within: pd.DataFrame, beyond: pd.DataFrame | None) -> Drawn:
         "Held-out log density per row against beta before and after the extension; "
         f"{'; '.join(text)}.",
     )
+
+
+def _center(axes: Sequence[Axes]) -> None:
+    """Give Axes one range with zero in its middle."""
+    limit = max(np.max(np.abs(ax.get_ylim())) for ax in axes)
+    for ax in axes:
+        ax.set_ylim(-limit, limit)
 
 
 def _draw_column(ax: Axes, view: View) -> None:

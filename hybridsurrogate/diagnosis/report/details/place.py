@@ -102,9 +102,8 @@ def _sentences(view: View) -> list[str]:
 
 def _curve(view: View) -> str:
     band = view.band
-    values = band.grid[:, view.columns.index(band.column)]
     elsewhere = "" if view.is_curve else ", the other columns at their medians"
-    stretches = [s for s in band.stretches(values) if s[1] > s[0]]
+    stretches = [s for s in band.stretches(view.band_x) if s[1] > s[0]]
     if not stretches:
         return (
             "A smooth curve through the residuals of the simulation nowhere excludes zero "

@@ -9,6 +9,7 @@ import pandas as pd
 from hybridsurrogate.diagnosis.report.details import pictures
 from hybridsurrogate.diagnosis.report.elements.section import Picture, Section
 from hybridsurrogate.diagnosis.report.elements.view import View
+from hybridsurrogate.diagnosis.validation.beta_scan import has_weight, is_slow
 from hybridsurrogate.numerics import digits
 from hybridsurrogate.scoring.scores import last_of_the_best
 
@@ -24,7 +25,7 @@ def section(
     within, beyond : pandas.DataFrame or None
         Held-out scores over beta, within the measured range and beyond it.
     """
-    if within is None and not view.has_weight:
+    if within is None and not has_weight(view.result.before):
         return ()
     hint = "not tried" if within is None else "scores over beta"
     drawn = () if within is None else (Picture(partial(pictures.picture_weight, within, beyond)),)
@@ -35,11 +36,12 @@ def section(
 def weight(view: View, within: pd.DataFrame | None, beyond: pd.DataFrame | None) -> list[str]:
     """Report how much the simulation should count against the data, before and after."""
     if within is None:
-        takes = "beta_scan(X, y)" if view.weight_takes_minutes else "report(beta_scan=True)"
-        how_long = "minutes" if view.weight_takes_minutes else "seconds"
+        does_it = "report(beta_scan=True) does it in seconds"
+        if any(map(is_slow, view.result.extension.beta_scans.models)):
+            does_it = "beta_scan(X, y) does it in minutes"
         return [
             "The surrogate is fitted anew at every weight. Which one suits was not tried: "
-            f"{takes} does it in {how_long}."
+            f"{does_it}."
         ]
     out = [
         "The weight beta sets how much the simulation's runs count against the measured data: 0 is "

@@ -16,8 +16,6 @@ from hybridsurrogate.arguments import check_units
 from hybridsurrogate.diagnosis.fitting.result import DiagnosisResult
 from hybridsurrogate.diagnosis.search.candidate import Candidate
 from hybridsurrogate.diagnosis.search.search import Search, predict_locally
-from hybridsurrogate.diagnosis.validation.beta_scan import has_weight, is_slow
-from hybridsurrogate.diagnosis.validation.gain import in_one_word
 from hybridsurrogate.diagnosis.validation.refit import added_causes
 from hybridsurrogate.effects.base import Cause
 from hybridsurrogate.effects.context import label_columns
@@ -26,13 +24,13 @@ from hybridsurrogate.estimators.power_scaled import PowerScaledSurrogate
 from hybridsurrogate.likelihoods import Censored
 from hybridsurrogate.model.rows.stacking import Stacking
 from hybridsurrogate.numerics import digits
+from hybridsurrogate.plotting import Prediction
 from hybridsurrogate.simulation.outputs import OUTPUT
 from hybridsurrogate.types import FloatArray
 
 if TYPE_CHECKING:
     from hybridsurrogate.diagnosis.answers.discrepancy import Discrepancy
     from hybridsurrogate.diagnosis.answers.finding import CauseFinding
-    from hybridsurrogate.plotting import Prediction
 
 
 @dataclass(frozen=True)
@@ -202,6 +200,11 @@ class View:
         """The smooth discrepancy of the output."""
         return self.result.extension.discrepancies[self.output]
 
+    @property
+    def band_x(self) -> FloatArray:
+        """The places of the smooth discrepancy on its column."""
+        return self.band.grid[:, self.columns.index(self.band.column)]
+
     def noise(self, model: Any) -> float:
         """Return the mean of the noise of the output in a fitted model, in its units."""
         return float(np.mean(self.noise_draws(model)))
@@ -216,9 +219,9 @@ class View:
         return bool(self.result.search.problem.likelihood.log_scale)
 
     @property
-    def likelihood(self) -> str:
-        """The word for the likelihood."""
-        return self.result.search.problem.likelihood.name
+    def log(self) -> str:
+        """What stands before "measured" where the difference of logarithms is meant."""
+        return "log " if self.log_scale else ""
 
     @property
     def extended(self) -> bool:
@@ -231,14 +234,10 @@ class View:
         return leading(self.result.extension.estimator)
 
     @property
-    def has_weight(self) -> bool:
-        """Whether there is a surrogate for whose training runs and measurements compete."""
-        return has_weight(self.result.before)
-
-    @property
-    def weight_takes_minutes(self) -> bool:
-        """Whether a fit takes so long that a few weights take minutes."""
-        return any(map(is_slow, self.result.extension.beta_scans.models))
+    def models(self) -> dict[str, PowerScaledSurrogate]:
+        """The fitted models before and, where something was added, after, without averages."""
+        before = {"simulation": self.result.before}
+        return before | {"extended model": self.found} if self.extended else before
 
     @property
     def cause(self) -> Cause | None:
@@ -259,11 +258,6 @@ class View:
         found = zip(self.result.extension.found_causes, causes, strict=True)
         return [(finding, cause) for finding, cause in found if cause is not None]
 
-    @property
-    def kinds(self) -> str:
-        """Every accepted kind, in the form in which folds report their choices."""
-        return in_one_word([cause.kind for cause in self.result.extension.found_causes])
-
     @cached_property
     def before(self) -> FloatArray:
         """Predictions at the measured rows before the extension."""
@@ -274,19 +268,12 @@ class View:
         """Predictions at the measured rows after the extension."""
         return self.predicted(self.result.extension.estimator, self.as_given(self.X))
 
-    @property
-    def both(self) -> tuple[FloatArray, FloatArray]:
-        """Predictions at the measured rows before and after."""
-        return self.before, self.after
-
     def predicted(self, model: Any, rows: Any) -> FloatArray:
         """Return the predictions of the output at rows as the user gives them."""
         return self.of_output(np.asarray(model.predict(rows)))
 
     def prediction(self, model: Any, rows: Any) -> Prediction:
         """Return mean and central intervals of a fitted model at rows as the user gives them."""
-        from hybridsurrogate.plotting import Prediction
-
         values = [model.predict(rows), *model.predict_interval(rows, 0.5)]
         values += model.predict_interval(rows, 0.9)
         return Prediction(*map(self.of_output, values))
@@ -347,12 +334,6 @@ class View:
         y = self.of_output(np.asarray(test[1], dtype=float))
         return rows[np.isfinite(y)], y[np.isfinite(y)]
 
-    def simulated_range(self) -> tuple[float, float]:
-        """Return the range of the shown column that was simulated, or else measured."""
-        ranges = self.result.before.simulation.input_ranges
-        low, high = ranges.get(self.name, (self.x.min(), self.x.max()))
-        return min(low, float(self.x.min())), max(high, float(self.x.max()))
-
     def grid(
         self, low: float, high: float, at: FloatArray | None = None, n: int = 400
     ) -> FloatArray:
@@ -365,11 +346,6 @@ class View:
         rows = np.repeat(row[None], len(values), axis=0)
         rows[:, self.shown] = values
         return rows
-
-    @property
-    def most_probable(self) -> list[tuple[Candidate, float]]:
-        """The first few of all causes that were compared, with their probabilities."""
-        return self.candidates[: SETTINGS.most_causes]
 
     @property
     def candidates(self) -> list[tuple[Candidate, float]]:
