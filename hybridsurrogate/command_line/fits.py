@@ -23,8 +23,6 @@ from hybridsurrogate.estimators.beta_path import LEAVE_FUTURE_OUT
 from hybridsurrogate.simulation.simulator import Simulator
 from hybridsurrogate.simulation.table_file import numbers_of, read_table
 
-_LEVEL = 0.9
-
 
 def fit(given: argparse.Namespace) -> int:
     """Fit a surrogate to runs and measurements; return the exit code."""
@@ -71,7 +69,7 @@ def predict(given: argparse.Namespace) -> int:
     rows = _rows_for(model, read_table(given.new_inputs), given.new_inputs)
     known = rows if hasattr(model, "feature_names_in_") else rows.to_numpy()
     mean, sd = model.predict(known, return_std=True)
-    low, high = model.predict_interval(known, _LEVEL)
+    low, high = model.predict_interval(known, 0.9)
     outputs = model.simulation.outputs
     table = rows.copy()
     for k, name in enumerate(outputs):

@@ -17,6 +17,7 @@ import pandas as pd
 
 from hybridsurrogate.diagnosis.fitting.result import DiagnosisResult
 from hybridsurrogate.diagnosis.report.report import Report, ending_of
+from hybridsurrogate.diagnosis.report.text import aligned
 from hybridsurrogate.notebook import doing
 from hybridsurrogate.numerics.atomic_file import check_writable, written_whole
 from hybridsurrogate.numerics.digits import probability
@@ -137,11 +138,9 @@ def kinds_as_text(causes: pd.DataFrame) -> str:
     by_kind = known.groupby(["kind", "target"], dropna=False, sort=False)["probability"].sum()
     shown = by_kind.sort_values(ascending=False, kind="stable").head(_MOST_CAUSES)
     names = [kind if pd.isna(target) else f"{kind} in {target}" for kind, target in shown.index]
-    width = max(map(len, [*names, "cause"]))
-    lines = [f"{'cause':{width}}  probability"]
-    for name, value in zip(names, shown, strict=True):
-        lines.append(f"{name:{width}}  {probability(float(value))}")
-    return "\n".join(lines)
+    return aligned(
+        pd.DataFrame({"cause": names, "probability": [probability(float(one)) for one in shown]})
+    )
 
 
 def write_files(

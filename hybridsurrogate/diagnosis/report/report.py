@@ -21,16 +21,14 @@ from hybridsurrogate.diagnosis.report.details import (
     extended_model,
     gain,
     measurement,
-    outputs,
     place,
     provenance,
-    weight,
 )
 from hybridsurrogate.diagnosis.report.details.checks import cautions
+from hybridsurrogate.diagnosis.report.details.pictures import Test, picture_overview
 from hybridsurrogate.diagnosis.report.elements.section import FirstScreen, Picture, Section
 from hybridsurrogate.diagnosis.report.elements.view import View, view_of
 from hybridsurrogate.diagnosis.report.headline import headline, lead, subject
-from hybridsurrogate.diagnosis.report.picture import Test, picture
 from hybridsurrogate.diagnosis.report.summary import summary
 from hybridsurrogate.diagnosis.validation.gain import HeldOutGain, gain_on
 from hybridsurrogate.numerics.atomic_file import check_writable, written_whole
@@ -176,9 +174,9 @@ def make_report(
         extended_model.section(view),
         evidence.section(view),
         place.section(view),
-        *outputs.section(view),
+        *place.section_on_outputs(view),
         gain.section(view, gains),
-        *weight.section(view, within, beyond),
+        *gain.section_on_weights(view, within, beyond),
         measurement.section(view),
         checks.section(view),
         provenance.section(view),
@@ -208,7 +206,7 @@ def first_screen(view: View, test: Test = None, on_test: HeldOutGain | None = No
         lead(view),
         cards(view, on_test),
         doubts[0] + rest if doubts else "",
-        Picture(partial(picture, view, test)),
+        Picture(partial(picture_overview, view, test)),
         advice(view),
     )
 

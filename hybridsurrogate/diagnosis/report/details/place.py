@@ -1,4 +1,4 @@
-"""Where in the measured range the simulation is wrong, and by how much."""
+"""Where in the measured range the simulation is wrong, by how much, and in which outputs."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ import numpy as np
 from hybridsurrogate.diagnosis.answers.discrepancy import Third
 from hybridsurrogate.diagnosis.report.details import pictures
 from hybridsurrogate.diagnosis.report.elements.section import Picture, Section, Table
-from hybridsurrogate.diagnosis.report.elements.tables import third_table, thirds
-from hybridsurrogate.diagnosis.report.elements.view import View
+from hybridsurrogate.diagnosis.report.elements.tables import output_table, third_table, thirds
+from hybridsurrogate.diagnosis.report.elements.view import View, label_of_cause
 from hybridsurrogate.numerics import digits
 
 _MOST_STRETCHES = 4
@@ -120,3 +120,32 @@ def _curve(view: View) -> str:
         f"band) over {digits.percent(band.share_outside)} of {band.column}{elsewhere}: "
         f"{', '.join(spans)}{more}."
     )
+
+
+def section_on_outputs(view: View) -> tuple[Section, ...]:
+    """Return the section, nothing for a single output."""
+    if view.stacking is None:
+        return ()
+    others = [view.of(name) for name in view.outputs if name != view.output]
+    return (
+        Section(
+            "Outputs one by one",
+            digits.listing(list(view.outputs)),
+            tuple(_of_outputs(view)),
+            tables=(Table(output_table(view), "Residuals and noise, root mean squares"),),
+            pictures=tuple(Picture(partial(pictures.picture_output, one)) for one in others),
+        ),
+    )
+
+
+def _of_outputs(view: View) -> list[str]:
+    """Report for each output whether a cause concerns it."""
+    out = []
+    for name in view.outputs:
+        own = [c for _, c in view.findings if c.output in (None, name)]
+        if not own:
+            out.append(f"{name}: the simulation stands as it is.")
+            continue
+        shared = "" if all(c.output is not None for c in own) else ", shared by all outputs"
+        out.append(f"{name}: {digits.listing([label_of_cause(c) for c in own])}{shared}.")
+    return out
