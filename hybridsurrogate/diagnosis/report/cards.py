@@ -8,6 +8,7 @@ from hybridsurrogate.diagnosis.report.elements.section import Advice, Card
 from hybridsurrogate.diagnosis.report.elements.view import SETTINGS, View, label_of, label_of_cause
 from hybridsurrogate.diagnosis.validation.gain import HeldOutGain
 from hybridsurrogate.numerics import digits
+from hybridsurrogate.plotting.style import LITTLE_INFORMATION
 
 
 def advice(view: View) -> tuple[Advice, ...]:
@@ -86,7 +87,7 @@ def _check(view: View) -> Advice:
 def _search_on(view: View) -> list[Advice]:
     if (
         view.result.conclusion.verdict == "nearest"
-        or probability_of_smooth_curve(view) > SETTINGS.smooth_curve_said
+        or probability_of_smooth_curve(view) > SETTINGS.likely
     ):
         more = len(view.findings) + 1
         return [Advice("Search for a further cause:", f"max_causes={more}")]
@@ -109,7 +110,7 @@ def _measure(view: View) -> list[Advice]:
         ]
     )
     bits = digits.at_least(result.next_measurement.information)
-    if result.next_measurement.information < SETTINGS.little_information:
+    if result.next_measurement.information < LITTLE_INFORMATION:
         return [
             Advice(
                 "One more measurement would hardly separate the explanations: the best place, "

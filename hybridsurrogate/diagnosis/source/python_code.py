@@ -176,11 +176,10 @@ def _sigma(
     """Return draws of the noise of each output, in its unit."""
     if not posterior.plain_likelihood.has_scale:
         return {}
-    if stacking is None:
-        return {outputs[0]: posterior.noise_of()}
+    scales = np.ones(1) if stacking is None else stacking.scale
     return {
         name: scale * posterior.noise_of(name, k)
-        for k, (name, scale) in enumerate(zip(outputs, stacking.scale, strict=True))
+        for k, (name, scale) in enumerate(zip(outputs, scales, strict=True))
     }
 
 
@@ -256,7 +255,7 @@ def python_source(model: ExtendedModel) -> str:
     parts = SourceParts(model)
     head = [docstring(model, parts), "import numpy as np"]
     written = [part for part in parts.coded if part.code.does != "delays"]
-    functions = [function_of(part, model) for part in written]
+    functions = [function_of(part, parts) for part in written]
     body = dynamics(model, parts) if parts.ode is not None else []
     body.append(extended_function(model, parts))
     text = "\n\n\n".join([*functions, *body])

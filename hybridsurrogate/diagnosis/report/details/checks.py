@@ -161,7 +161,7 @@ def _residual_structure(view: View) -> list[str]:
             "something that the catalogue does not hold may be at work too."
         ]
     share = probability_of_smooth_curve(view)
-    if result.conclusion.verdict == "nearest" or share > SETTINGS.smooth_curve_said:
+    if result.conclusion.verdict == "nearest" or share > SETTINGS.likely:
         return [
             f"A smooth curve is needed in addition, with probability {digits.probability(share)}: "
             "something that the catalogue does not hold may be at work too."

@@ -134,12 +134,12 @@ def _failing(view: View) -> list[str]:
     failing = table[is_compared(table) & (table["note"] != "")]
     out = []
     columns = ["kind", "target", "form", "note"]
-    for kind, target, form, note in failing[columns].head(SETTINGS.most_notes).to_numpy():
+    for kind, target, form, note in failing[columns].head(SETTINGS.most_kinds).to_numpy():
         variant = form.removeprefix(kind).removeprefix(": ")
         under = "As it is" if kind == "none" else f"With {label(kind, target, variant)}"
         out.append(f"{under} {note}.")
-    if len(failing) > SETTINGS.most_notes:
-        out.append(f"The notes in causes_ list {len(failing) - SETTINGS.most_notes} more.")
+    if len(failing) > SETTINGS.most_kinds:
+        out.append(f"The notes in causes_ list {len(failing) - SETTINGS.most_kinds} more.")
     return out
 
 

@@ -10,10 +10,8 @@ from hybridsurrogate.diagnosis.answers.discrepancy import Third
 from hybridsurrogate.diagnosis.report.details import pictures
 from hybridsurrogate.diagnosis.report.elements.section import Picture, Section, Table
 from hybridsurrogate.diagnosis.report.elements.tables import output_table, third_table, thirds
-from hybridsurrogate.diagnosis.report.elements.view import View, label_of_cause
+from hybridsurrogate.diagnosis.report.elements.view import SETTINGS, View, label_of_cause
 from hybridsurrogate.numerics import digits
-
-_MOST_STRETCHES = 4
 
 
 def section(view: View) -> Section:
@@ -111,9 +109,9 @@ def _curve(view: View) -> str:
         )
     spans = [
         f"{'above' if sign > 0 else 'below'} from {digits.number(low)} to {digits.number(high)}"
-        for low, high, sign in stretches[:_MOST_STRETCHES]
+        for low, high, sign in stretches[: SETTINGS.most_listed]
     ]
-    rest = len(stretches) - _MOST_STRETCHES
+    rest = len(stretches) - SETTINGS.most_listed
     more = f" and {rest} more stretches" if rest > 0 else ""
     return (
         "A smooth curve through the residuals of the simulation excludes zero (pointwise 90 % "

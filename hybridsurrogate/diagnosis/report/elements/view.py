@@ -25,6 +25,7 @@ from hybridsurrogate.likelihoods import Censored
 from hybridsurrogate.model.rows.stacking import Stacking
 from hybridsurrogate.numerics import digits
 from hybridsurrogate.plotting import Prediction
+from hybridsurrogate.plotting.style import FEW_VALUES
 from hybridsurrogate.simulation.outputs import OUTPUT
 from hybridsurrogate.types import FloatArray
 
@@ -39,39 +40,36 @@ class ReportSettings:
 
     Attributes
     ----------
-    smooth_curve_said : float
-        Probability of a smooth curve in addition to the causes from which on it is reported.
-    most_notes : int
-        Causes whose failing runs are reported one by one; the table of causes has all of them.
-    little_information : float
-        Expected information in bits below which one more measurement is hardly worth it.
+    likely : float
+        Probability from which on a smooth curve in addition to the causes, and the closest match
+        as what is wrong, are stated.
     decided : float
         Probability from which on a question needs no further measurement.
-    most_alternatives, most_causes : int
-        Alternatives in the text, and causes in the picture, at most.
+    most_kinds, most_listed : int
+        Kinds, and causes with failing runs, that a sentence lists; other things that one does.
+    most_causes : int
+        Causes in the table and in the picture, at most.
     worth_drawing : float
         Probability from which a cause is drawn.
     as_probable : float
         A form of the same kind with more than this share of the cause's probability may be it as
         well.
-    bins, few_levels : int
-        Bins of residuals; a column of at most so many values is drawn value by value.
+    bins : int
+        Of residuals.
     log_axis_decades : float
         A range so wide that small outputs would be a flat line.
     most_periods : int
         Periods of a cycle in the first picture, at most; more would be a block of colour.
     """
 
-    smooth_curve_said: float = 0.5
-    most_notes: int = 3
-    little_information: float = 0.07
+    likely: float = 0.5
     decided: float = 0.95
-    most_alternatives: int = 4
+    most_kinds: int = 3
+    most_listed: int = 4
     most_causes: int = 8
     worth_drawing: float = 0.005
     as_probable: float = 0.25
     bins: int = 5
-    few_levels: int = 12
     log_axis_decades: float = 1.5
     most_periods: int = 15
 
@@ -339,7 +337,7 @@ class View:
     ) -> FloatArray:
         """Return rows that vary the shown column, the others at their medians or at one row."""
         known = np.unique(self.x)
-        few = self.name not in self.inputs and len(known) <= SETTINGS.few_levels
+        few = self.name not in self.inputs and len(known) <= FEW_VALUES
         # between its few values a column such as a batch means nothing
         values = known if few else np.linspace(low, high, n)
         row = np.median(self.X, axis=0) if at is None else at
@@ -356,7 +354,7 @@ class View:
 
     def alternatives(self, result: Search) -> list[Candidate]:
         """Return the most probable explanations, at least two where there are two."""
-        order = np.argsort(-result.probability, kind="stable")[: SETTINGS.most_alternatives]
+        order = np.argsort(-result.probability, kind="stable")[: SETTINGS.most_listed]
         return [
             result.candidates[k]
             for place, k in enumerate(order)
