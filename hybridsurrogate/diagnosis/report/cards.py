@@ -22,8 +22,10 @@ def advice(view: View) -> tuple[Advice, ...]:
     if result.conclusion.verdict == "undecided":
         return _decide(view)
     if result.conclusion.verdict == "unexplained":
+        model = "diagnosis" if view.extended else "diagnosis.estimator_"
+        predict = f"{model}.predict(X)"
         return (
-            Advice("Within the measured range predict with the smooth curve:", _predict(view)),
+            Advice("Within the measured range predict with the smooth curve:", predict),
             Advice(
                 "Look for a mechanism with the shape of the curve, and compare it:",
                 "DiscrepancyDiagnosis(model, causes=[MyCause()])",
@@ -53,10 +55,6 @@ def _decide(view: View) -> tuple[Advice, ...]:
             ),
         )
     return (Advice("Widen the prior, run the simulation there, and diagnose again."),)
-
-
-def _predict(view: View) -> str:
-    return "diagnosis.predict(X)" if view.extended else "diagnosis.estimator_.predict(X)"
 
 
 def _use(view: View) -> list[Advice]:

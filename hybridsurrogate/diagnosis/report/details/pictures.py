@@ -71,11 +71,15 @@ def _drawn(
     table = pd.DataFrame({view.name: x, f"measured {view.output}": y})
     drawn = []
     for name, model in zip(("simulation", "extended model"), models, strict=False):
-        residual = y - view.predicted(model, view.as_given(view.X))[shown]
-        at_rows = view.prediction(model, view.as_given(view.X[shown]))
+        residual = y - view.predicted(model, view.X)[shown]
+        at_rows = view.prediction(model, view.X[shown])
         table[name], table[f"{name}, lower 90 %"] = at_rows.mean, at_rows.lower90
         table[f"{name}, upper 90 %"], table[f"{name}, residual"] = at_rows.upper90, residual
-        drawn.append(_predicted(view, model, at_rows, residual, last, x))
+        curve, at = at_rows, x
+        if view.is_curve:
+            rows = view.grid(float(last.min()), float(last.max()), n=500)
+            curve, at = view.prediction(model, rows), rows[:, view.shown]
+        drawn.append(Predicted(at, curve, residual))
     axes = plotting.plot_overview(
         x,
         y,
@@ -90,20 +94,6 @@ def _drawn(
     )
     logarithmic(axes[0], view, y)
     return axes, table, low
-
-
-def _predicted(
-    view: View,
-    model: Any,
-    at_rows: plotting.Prediction,
-    residual: FloatArray,
-    last: FloatArray,
-    x: FloatArray,
-) -> Predicted:
-    if not view.is_curve:
-        return Predicted(x, at_rows, residual)
-    rows = view.grid(float(last.min()), float(last.max()), n=500)
-    return Predicted(rows[:, view.shown], view.prediction(model, view.as_given(rows)), residual)
 
 
 def _start(view: View, held: tuple[FloatArray, FloatArray] | None) -> float | None:
@@ -383,9 +373,9 @@ def _draw_model(
 ) -> None:
     if view.is_curve:
         rows = view.grid(low, high)
-        predicted = view.prediction(model, view.as_given(rows))
+        predicted = view.prediction(model, rows)
         plotting.plot_prediction(ax, rows[:, view.shown], predicted, colour, name)
     else:
         # with several columns a curve would belong to rows that nobody measured
-        predicted = view.prediction(model, view.as_given(view.X))
+        predicted = view.prediction(model, view.X)
         plotting.plot_prediction(ax, view.x, predicted, colour, name, curve=False)

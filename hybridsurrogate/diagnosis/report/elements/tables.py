@@ -12,6 +12,7 @@ from hybridsurrogate.diagnosis.answers.finding import form_of
 from hybridsurrogate.diagnosis.report.elements.view import SETTINGS, View
 from hybridsurrogate.diagnosis.search.candidate import total_evidence
 from hybridsurrogate.effects.base import Cause
+from hybridsurrogate.effects.context import label_columns
 from hybridsurrogate.effects.noise.known_errors import SharedErrors
 from hybridsurrogate.effects.parameters.parameter_by_experiment import ParameterByExperiment
 from hybridsurrogate.numerics import digits
@@ -40,7 +41,9 @@ def thirds(view: View) -> list[Third]:
     """Return where the extension changes the predictions; nothing without an extension."""
     if not any(cause.changes_output for _, cause in view.findings) or not np.any(view.change):
         return []
-    found = shares_of_thirds(view.X, view.change, view.columns, view.labels)
+    rows = dict(zip(view.columns, view.X.T, strict=True))
+    labels = label_columns(rows, len(view.inputs), view.result.before.experiment)
+    found = shares_of_thirds(view.X, view.change, view.columns, labels)
     # other columns than inputs and what a cause looks at have a share by accident
     matter = {*view.inputs, *(name for _, cause in view.findings for name in cause.reads)}
     return [third for third in found if third.column in matter]
@@ -65,10 +68,9 @@ def third_table(view: View) -> pd.DataFrame | None:
 def parameter_intervals(view: View) -> dict[str, dict[str, Interval]]:
     """Return mean and 90 % interval of parameters and noise, before and after the extension."""
     out: dict[str, dict[str, Interval]] = {}
-    models = (view.result.before, view.found)
     # what a cause replaces has its value there
     replaced = {cause.replaces for _, cause in view.findings}
-    for word, model in zip(("before", "after"), models, strict=True):
+    for word, model in (("before", view.result.before), ("after", view.found)):
         draws = model.posterior_.named()
         names = view.result.before.simulation.parameter_names
         for name in (*names, "noise_sigma" if "sigma" in names else "sigma", "jitter"):

@@ -18,7 +18,6 @@ from hybridsurrogate.diagnosis.search.candidate import Candidate
 from hybridsurrogate.diagnosis.search.search import Search, predict_locally
 from hybridsurrogate.diagnosis.validation.refit import added_causes
 from hybridsurrogate.effects.base import Cause
-from hybridsurrogate.effects.context import label_columns
 from hybridsurrogate.estimators.averaged import AveragedSurrogate, leading
 from hybridsurrogate.estimators.power_scaled import PowerScaledSurrogate
 from hybridsurrogate.likelihoods import Censored
@@ -118,12 +117,6 @@ class View:
     def inputs(self) -> tuple[str, ...]:
         """Names of the simulation's inputs."""
         return self.result.before.simulation.input_names
-
-    @property
-    def labels(self) -> tuple[str, ...]:
-        """Names of the columns that label experiments."""
-        rows = dict(zip(self.columns, self.X.T, strict=True))
-        return label_columns(rows, len(self.inputs), self.result.before.experiment)
 
     @cached_property
     def _there(self) -> NDArray[np.bool_]:
@@ -259,19 +252,20 @@ class View:
     @cached_property
     def before(self) -> FloatArray:
         """Predictions at the measured rows before the extension."""
-        return self.predicted(self.result.before, self.as_given(self.X))
+        return self.predicted(self.result.before, self.X)
 
     @cached_property
     def after(self) -> FloatArray:
         """Predictions at the measured rows after the extension."""
-        return self.predicted(self.result.extension.estimator, self.as_given(self.X))
+        return self.predicted(self.result.extension.estimator, self.X)
 
-    def predicted(self, model: Any, rows: Any) -> FloatArray:
-        """Return the predictions of the output at rows as the user gives them."""
-        return self.of_output(np.asarray(model.predict(rows)))
+    def predicted(self, model: Any, X: FloatArray) -> FloatArray:
+        """Return the predictions of the output at rows."""
+        return self.of_output(np.asarray(model.predict(self._as_given(X))))
 
-    def prediction(self, model: Any, rows: Any) -> Prediction:
-        """Return mean and central intervals of a fitted model at rows as the user gives them."""
+    def prediction(self, model: Any, X: FloatArray) -> Prediction:
+        """Return mean and central intervals of a fitted model at rows."""
+        rows = self._as_given(X)
         values = [model.predict(rows), *model.predict_interval(rows, 0.5)]
         values += model.predict_interval(rows, 0.9)
         return Prediction(*map(self.of_output, values))
@@ -282,9 +276,7 @@ class View:
 
         In units of an output of several decades it would be large where the output is.
         """
-        models = self.result.before, self.found
-        before, after = (self.working_residuals(model) for model in models)
-        return before - after
+        return self.working_residuals(self.result.before) - self.working_residuals(self.found)
 
     @cached_property
     def shown(self) -> int:
@@ -315,7 +307,7 @@ class View:
         """Whether predictions are a curve over the one column there is."""
         return len(self.columns) == 1
 
-    def as_given(self, X: FloatArray) -> Any:
+    def _as_given(self, X: FloatArray) -> Any:
         """Return rows whose simulation inputs come first as the user's columns."""
         estimator = self.result.before
         rows = np.empty_like(X)
@@ -393,9 +385,8 @@ class View:
     @cached_property
     def _residuals(self) -> dict[int, tuple[FloatArray, FloatArray]]:
         """Residuals of either model on the scale of eta, and standardised, both from one eta."""
-        models = self.result.before, self.found
         rows, y = self.single(self.X), self.y / self.unit
-        found = {id(model): _residuals_of(model, rows, y) for model in models}
+        found = {id(model): _residuals_of(model, rows, y) for model in self.models.values()}
         # what is divided by a scale is not on a logarithmic one
         return {key: (self.unit * working, z) for key, (working, z) in found.items()}
 
