@@ -418,7 +418,7 @@ def local_path(path: Any, name: str = "path", cure: str = "") -> Path:
         return Path(text)
 
 
-def check_readable(path: Any, name: str = "path") -> Path:
+def check_readable(path: Any) -> Path:
     """Return the path of a file that is there; raise where there is none, before it is opened.
 
     Raises
@@ -429,7 +429,7 @@ def check_readable(path: Any, name: str = "path") -> Path:
         As `local_path`.
     """
     cure = "Fetch it first, or, where you trust it, read_simulation(..., allow_urls=True)."
-    file = local_path(path, name, cure)
+    file = local_path(path, cure=cure)
     if file.is_dir():
         raise IsADirectoryError(f"{str(file)!r} is a folder: name a file in it.")
     if not file.exists():

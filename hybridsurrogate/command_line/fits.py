@@ -5,7 +5,6 @@ from __future__ import annotations
 import argparse
 from typing import Any
 
-import numpy as np
 import pandas as pd
 
 from hybridsurrogate.command_line.output import (
@@ -18,6 +17,7 @@ from hybridsurrogate.command_line.output import (
 from hybridsurrogate.command_line.study import check_file_columns, model_of, read_study_data
 from hybridsurrogate.command_line.user_code import read_saved
 from hybridsurrogate.diagnosis import DiscrepancyDiagnosis
+from hybridsurrogate.diagnosis.report.summary import plain
 from hybridsurrogate.estimators import choose_beta as held_out
 from hybridsurrogate.estimators.beta_path import LEAVE_FUTURE_OUT
 from hybridsurrogate.simulation.simulator import Simulator
@@ -32,7 +32,7 @@ def fit(given: argparse.Namespace) -> int:
     with stage("Fit", given):
         model.fit(study.X, study.y, y_err=list(given.errors) or None)
     table = model.summary()
-    numbers = {"estimates": _records(table)}
+    numbers = {"estimates": plain(table.reset_index(names="name"))}
     files = write_files(given, numbers, saved=model, code=study.code)
     show(given, _text(table), numbers, *files)
     return 0
@@ -55,7 +55,7 @@ def choose_beta(given: argparse.Namespace) -> int:
             model, study.X, study.y, given.betas, cv, y_err=list(given.errors) or None
         )
     text = f"beta = {choice.beta:g} has the best held-out ELPD.\n\n{_text(choice.table)}"
-    numbers = {"beta": choice.beta, "table": _records(choice.table)}
+    numbers = {"beta": choice.beta, "table": plain(choice.table)}
     files = write_files(given, numbers, saved=choice.estimator, code=study.code)
     show(given, text, numbers, *files)
     return 0
@@ -97,9 +97,3 @@ def _rows_for(model: Any, table: pd.DataFrame, path: str) -> pd.DataFrame:
 
 def _text(table: pd.DataFrame) -> str:
     return str(table.to_string(float_format=lambda value: f"{value:.4g}"))
-
-
-def _records(table: pd.DataFrame) -> list[dict[str, Any]]:
-    named = table if isinstance(table.index, pd.RangeIndex) else table.reset_index(names="name")
-    records = named.replace({np.nan: None}).to_dict("records")
-    return [{str(key): value for key, value in record.items()} for record in records]

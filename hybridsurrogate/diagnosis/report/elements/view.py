@@ -179,9 +179,9 @@ class View:
         """The unit of what is added to the output: on a logarithmic scale that of its log."""
         return f"log {self.output}" if self.log_scale else self.unit_of(self.output)
 
-    def amount(self, value: float, n_digits: int = 2) -> str:
+    def amount(self, value: float) -> str:
         """Return a difference of the output with its unit, where one is given."""
-        text = digits.number(value, n_digits)
+        text = digits.number(value, 2)
         if self.log_scale:
             return f"{text} in log {self.output}"
         return f"{text} {self.units[self.output]}" if self.output in self.units else text
