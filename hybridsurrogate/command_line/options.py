@@ -151,78 +151,47 @@ class Option:
         return str(self.default) if shown else ""
 
 
-def _is_number(value: Any) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool)
-
-
-def _names(value: Any) -> list[str] | None:
-    names = [value] if isinstance(value, str) else value
-    right = isinstance(names, list) and all(isinstance(name, str) for name in names)
-    return names if right else None
-
-
-def _pairs(value: Any) -> dict[str, str] | None:
-    if not isinstance(value, dict):
-        return None
-    lists = {name: one if isinstance(one, list) else [one] for name, one in value.items()}
-    right = all(isinstance(one, str) or _is_number(one) for own in lists.values() for one in own)
-    return {name: ",".join(map(str, own)) for name, own in lists.items()} if right else None
-
-
 class Kind(NamedTuple):
-    """How a kind of value is typed, and what it is in a study file.
+    """A kind of value: what it is called, what a study file must hold, what becomes of it."""
 
-    Attributes
-    ----------
-    typed : dict
-        For `argparse.ArgumentParser.add_argument`.
-    wanted : str
-        What a study file must hold.
-    read : callable
-        Takes what it holds and returns the value, None where it is something else.
-    """
-
-    typed: dict[str, Any]
     wanted: str
-    read: Callable[[Any], Any]
+    types: tuple[type, ...]
+    convert: Callable[[Any], Any]
+    several: bool = False
+
+    def has(self, value: Any) -> bool:
+        """Return whether this is one value of the kind; True is no number."""
+        return isinstance(value, self.types) and isinstance(value, bool) == (bool in self.types)
+
+    def read(self, value: Any) -> Any:
+        """Return what a study file holds as options have it, None for another kind of value."""
+        if not self.several:
+            return self.convert(value) if self.has(value) else None
+        each = [value] if isinstance(value, str) else value
+        right = isinstance(each, list) and all(map(self.has, each))
+        return list(map(self.convert, each)) if right else None
 
 
-_TEXT = Kind({}, "text", lambda value: value if isinstance(value, str) else None)
-_NAMES = Kind({"nargs": "+"}, 'a list of names, such as ["t"]', _names)
+def _joined(table: dict[str, Any]) -> dict[str, str] | None:
+    lists = {name: one if isinstance(one, list) else [one] for name, one in table.items()}
+    right = all(KINDS["limit"].has(cell) for cells in lists.values() for cell in cells)
+    return {name: ",".join(map(str, cells)) for name, cells in lists.items()} if right else None
+
+
 KINDS = {
-    "text": _TEXT,
-    "path": _TEXT,
-    "paths": _NAMES,
-    "names": _NAMES,
-    "limit": Kind(
-        {},
-        "a number or a column",
-        lambda value: str(value) if isinstance(value, str) or _is_number(value) else None,
-    ),
-    "number": Kind(
-        {"type": float}, "a number", lambda value: float(value) if _is_number(value) else None
-    ),
-    "numbers": Kind(
-        {"type": float, "nargs": "+"},
-        "a list of numbers",
-        lambda value: (
-            list(map(float, value))
-            if isinstance(value, list) and all(map(_is_number, value))
-            else None
-        ),
-    ),
-    "whole": Kind(
-        {"type": int},
-        "a whole number",
-        lambda value: value if isinstance(value, int) and _is_number(value) else None,
-    ),
-    "pairs": Kind({"action": "append"}, "a table of names, such as {speed = [2, 0.5]}", _pairs),
-    "yes": Kind(
-        {"action": "store_true"},
-        "true or false",
-        lambda value: value if isinstance(value, bool) else None,
-    ),
+    "text": Kind("text", (str,), str),
+    "path": Kind("text", (str,), str),
+    "paths": Kind('a list of names, such as ["t"]', (str,), str, several=True),
+    "names": Kind('a list of names, such as ["t"]', (str,), str, several=True),
+    "limit": Kind("a number or a column", (str, int, float), str),
+    "number": Kind("a number", (int, float), float),
+    "numbers": Kind("a list of numbers", (int, float), float, several=True),
+    "whole": Kind("a whole number", (int,), int),
+    "pairs": Kind("a table of names, such as {speed = [2, 0.5]}", (dict,), _joined),
+    "yes": Kind("true or false", (bool,), bool),
 }
+# what is typed otherwise than a value, or several
+_ACTIONS = {"pairs": "append", "yes": "store_true"}
 
 
 def add_options(parser: argparse.ArgumentParser, options: Iterable[Option]) -> None:
@@ -234,7 +203,12 @@ def add_options(parser: argparse.ArgumentParser, options: Iterable[Option]) -> N
     options : iterable of Option
     """
     for one in options:
-        settings = dict(KINDS[one.kind].typed)
+        kind = KINDS[one.kind]
+        settings: dict[str, Any] = {"type": kind.convert}
+        if one.kind in _ACTIONS:
+            settings = {"action": _ACTIONS[one.kind]}
+        elif kind.several:
+            settings["nargs"] = "+"
         if one.choices:
             settings["choices"] = one.choices
         if one.positional:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import partial
 from typing import Any
 
 import pandas as pd
@@ -37,7 +36,7 @@ def _report_of(found: SimulationComparison, full: bool) -> Report:
         _lead(table, agreement),
         _cards(table),
         _caution(chosen, all_wrong),
-        Picture(partial(_drawn, table)),
+        Picture(_drawn, table),
         _advice(table, chosen, all_wrong),
     )
     named = table.reset_index(names="simulation")

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import partial
 
 import numpy as np
 import pandas as pd
@@ -44,7 +43,7 @@ def _report_of(result: Detectability, full: bool) -> Report:
         ),
         _cards(result),
         "",
-        Picture(partial(_drawn, result)),
+        Picture(_drawn, result),
         _advice(result),
     )
     rows = Section("Rates", "each cause and size", tables=(Table(rounded(result.table, 2)),))

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from hybridsurrogate.diagnosis.report.details.evidence import probability_of_smooth_curve
+from hybridsurrogate.diagnosis.report.details.evidence import needs_smooth_curve
 from hybridsurrogate.diagnosis.report.details.gain import is_better, is_worse
 from hybridsurrogate.diagnosis.report.elements.section import Advice, Card
-from hybridsurrogate.diagnosis.report.elements.view import SETTINGS, View, label_of, label_of_cause
+from hybridsurrogate.diagnosis.report.elements.view import View, label_of, label_of_cause
 from hybridsurrogate.diagnosis.validation.gain import HeldOutGain
 from hybridsurrogate.numerics import digits
 from hybridsurrogate.plotting.style import LITTLE_INFORMATION
@@ -59,10 +59,9 @@ def _decide(view: View) -> tuple[Advice, ...]:
 
 def _use(view: View) -> list[Advice]:
     result = view.result
-    if result.gain is not None and is_worse(result.gain):
+    if is_worse(result.gain):
         return [Advice("Predict with the simulation as it is:", "diagnosis.estimator_.predict(X)")]
-    within = result.gain_out_of_range is not None and is_worse(result.gain_out_of_range)
-    where = ", within the measured range" if within else ""
+    where = ", within the measured range" if is_worse(result.gain_out_of_range) else ""
     out = [Advice(f"Use the extended model{where}:", "diagnosis.predict(X)")]
     if result.extension.simulator is not None:
         out.append(Advice("Take it away as Python code:", 'diagnosis.to_python("extended.py")'))
@@ -83,10 +82,7 @@ def _check(view: View) -> Advice:
 
 
 def _search_on(view: View) -> list[Advice]:
-    if (
-        view.result.conclusion.verdict == "nearest"
-        or probability_of_smooth_curve(view) > SETTINGS.likely
-    ):
+    if needs_smooth_curve(view):
         more = len(view.findings) + 1
         return [Advice("Search for a further cause:", f"max_causes={more}")]
     curves = any(finding.kind == "curve-by-experiment" for finding, _ in view.findings)

@@ -7,7 +7,6 @@ import json
 import os
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from functools import partial
 from html import escape
 from typing import Any
 
@@ -206,7 +205,7 @@ def first_screen(view: View, test: Test = None, on_test: HeldOutGain | None = No
         lead(view),
         cards(view, on_test),
         doubts[0] + rest if doubts else "",
-        Picture(partial(picture_overview, view, test)),
+        Picture(picture_overview, view, test),
         advice(view),
     )
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from functools import partial
-
 from hybridsurrogate.diagnosis.answers.finding import parameter_course
 from hybridsurrogate.diagnosis.report.details.pictures import picture_course
 from hybridsurrogate.diagnosis.report.elements.section import Picture, Section, Table
@@ -45,8 +43,7 @@ def _courses(view: View) -> tuple[Picture, ...]:
     if table.empty:
         return ()
     return tuple(
-        Picture(partial(picture_course, view, own))
-        for _, own in table.groupby("parameter", sort=False)
+        Picture(picture_course, view, own) for _, own in table.groupby("parameter", sort=False)
     )
 
 

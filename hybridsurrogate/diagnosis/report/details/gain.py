@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Mapping
-from functools import partial
 
 import pandas as pd
 
@@ -61,7 +60,7 @@ def section(view: View, gains: Mapping[str, HeldOutGain | None]) -> Section:
     )
     counted = [f"{len(g.folds)} folds {n}" if g.folds else f"{g.n_rows} rows held out by you"
                for n, g in known.items()]  # fmt: skip
-    picture = Picture(partial(pictures.picture_gain, known))
+    picture = Picture(pictures.picture_gain, known)
     return Section(
         "Gain in detail", ", ".join(counted), tuple(sentences), tables=tables, pictures=(picture,)
     )
@@ -116,10 +115,11 @@ def is_better(gain: HeldOutGain) -> bool:
     return math.isfinite(error) and error > 0 and gain.elpd_difference > 2 * error
 
 
-def is_worse(gain: HeldOutGain) -> bool:
-    """Return whether the model after predicts worse, by more than two standard errors."""
-    error = gain.standard_error
-    return math.isfinite(error) and gain.elpd_difference < -2 * error
+def is_worse(gain: HeldOutGain | None) -> bool:
+    """Return whether the model after predicts worse, by two standard errors; False of None."""
+    if gain is None or not math.isfinite(gain.standard_error):
+        return False
+    return gain.elpd_difference < -2 * gain.standard_error
 
 
 def coverage_word(gain: HeldOutGain) -> str:
@@ -159,7 +159,7 @@ def section_on_weights(
     if within is None and not has_weight(view.result.before):
         return ()
     hint = "not tried" if within is None else "scores over beta"
-    drawn = () if within is None else (Picture(partial(pictures.picture_weight, within, beyond)),)
+    drawn = () if within is None else (Picture(pictures.picture_weight, within, beyond),)
     sentences = tuple(weight(view, within, beyond))
     return (Section("Weight of the simulation", hint, sentences, pictures=drawn),)
 

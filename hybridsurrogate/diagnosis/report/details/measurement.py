@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from functools import partial
-
 import numpy as np
 
 from hybridsurrogate.diagnosis.report.details import pictures
@@ -24,7 +22,7 @@ def section(view: View) -> Section:
         "What to measure next",
         f"worth {worth} bits",
         tuple(_sentences(view, worth)),
-        pictures=(Picture(partial(pictures.picture_next, view)),),
+        pictures=(Picture(pictures.picture_next, view),),
     )
 
 

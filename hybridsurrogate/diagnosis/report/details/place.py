@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from functools import partial
-
 import numpy as np
 
 from hybridsurrogate.diagnosis.answers.discrepancy import Third
@@ -17,9 +15,9 @@ from hybridsurrogate.numerics import digits
 def section(view: View) -> Section:
     """Return the section."""
     experiments = pictures.experiment_column(view)
-    drawn = [Picture(partial(pictures.picture_discrepancy, view))]
+    drawn = [Picture(pictures.picture_discrepancy, view)]
     if experiments is not None:
-        drawn.append(Picture(partial(pictures.picture_experiments, view, experiments)))
+        drawn.append(Picture(pictures.picture_experiments, view, experiments))
     table = third_table(view)
     caption = "Share of the squared change by thirds of each measured range"
     return Section(
@@ -131,7 +129,7 @@ def section_on_outputs(view: View) -> tuple[Section, ...]:
             digits.listing(list(view.outputs)),
             tuple(_of_outputs(view)),
             tables=(Table(output_table(view), "Residuals and noise, root mean squares"),),
-            pictures=tuple(Picture(partial(pictures.picture_output, one)) for one in others),
+            pictures=tuple(Picture(pictures.picture_output, one) for one in others),
         ),
     )
 
