@@ -9,7 +9,7 @@ import pickle
 import reprlib
 import sys
 import types
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -292,8 +292,21 @@ def check_mapping(
     return dict(value)
 
 
-def check_units(units: Any) -> dict[str, str]:
-    """Return units by name, none for None; TypeError for anything else.
+def check_units(units: Any, known: Iterable[str] | None = None) -> dict[str, str]:
+    """Return units by name, none for None; raise for anything else.
+
+    Parameters
+    ----------
+    units : mapping of str to str, or None
+    known : iterable of str or None
+        Names that may have a unit; None: any.
+
+    Raises
+    ------
+    TypeError
+        For units that are no dict of text.
+    ValueError
+        For the unit of an unknown name.
 
     Examples
     --------
@@ -307,6 +320,13 @@ def check_units(units: Any) -> dict[str, str]:
             'units must be a dict of names and units as text, such as {"co2": "ppm"}, got '
             f"{described(units)}."
         )
+    names = units if known is None else list(known)
+    for name in units:
+        if name not in names:
+            raise ValueError(
+                f"units: there is no {name!r}; there are {', '.join(names)}."
+                f"{did_you_mean(name, names)}"
+            )
     return dict(units)
 
 
@@ -398,7 +418,7 @@ def local_path(path: Any, name: str = "path", cure: str = "") -> Path:
         return Path(text)
 
 
-def check_readable(path: Any, name: str = "path") -> Path:
+def check_readable(path: Any) -> Path:
     """Return the path of a file that is there; raise where there is none, before it is opened.
 
     Raises
@@ -409,7 +429,7 @@ def check_readable(path: Any, name: str = "path") -> Path:
         As `local_path`.
     """
     cure = "Fetch it first, or, where you trust it, read_simulation(..., allow_urls=True)."
-    file = local_path(path, name, cure)
+    file = local_path(path, cure=cure)
     if file.is_dir():
         raise IsADirectoryError(f"{str(file)!r} is a folder: name a file in it.")
     if not file.exists():

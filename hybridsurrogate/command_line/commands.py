@@ -68,6 +68,10 @@ class Subcommand:
     example: str
 
 
+# what commands have in common: what is compared, and what becomes of a result
+_STUDY = (MEASURED, CONFIG, *DATA, *MODEL)
+_DIAGNOSED = (REPORT, *OUTCOME, SAVE, SEED, JOBS, *LOUDNESS)
+_FITTED = (_JSON, SAVE, SEED, *LOUDNESS)
 _DEMO = Option(
     "name", "text", "which one", DEFAULT, "NAME", tuple(DEMONSTRATIONS), True, in_file=False
 )
@@ -86,12 +90,7 @@ COMMANDS = (
                 replace(one, default=None, meaning=_OWN_CAUSES) if one.name == "max_causes" else one
                 for one in SEARCH
             ),
-            REPORT,
-            *OUTCOME,
-            SAVE,
-            SEED,
-            JOBS,
-            *LOUDNESS,
+            *_DIAGNOSED,
         ),
         demo,
         "hybridsurrogate demo --report nile.html",
@@ -102,19 +101,11 @@ COMMANDS = (
         "Finds out whether a simulation is wrong, names the cause, and measures the gain. The "
         "simulation is a file of runs, or a function of a Python file, which is executed.",
         (
-            MEASURED,
-            CONFIG,
-            *DATA,
-            *MODEL,
+            *_STUDY,
             NEW,
             *SEARCH,
             BETA_SCAN,
-            REPORT,
-            *OUTCOME,
-            SAVE,
-            SEED,
-            JOBS,
-            *LOUDNESS,
+            *_DIAGNOSED,
         ),
         diagnose,
         "hybridsurrogate diagnose measured.csv --simulation decay.py:decay --inputs minutes "
@@ -172,7 +163,7 @@ COMMANDS = (
         "train a surrogate on runs and measurements",
         "Trains a surrogate on two data sources and prints the estimates. The simulation is a file "
         "of runs, or a function of a Python file, which is executed.",
-        (MEASURED, CONFIG, *DATA, *MODEL, METHOD, _JSON, SAVE, SEED, *LOUDNESS),
+        (*_STUDY, METHOD, *_FITTED),
         fit,
         "hybridsurrogate fit measured.csv --simulation runs.csv --inputs minutes --parameters rate "
         "--output glucose --beta 0.5 --save fit.hs",
@@ -204,18 +195,12 @@ COMMANDS = (
         "choose the weight of the simulation",
         "Compares weights of the simulation by the log density of held-out measurements.",
         (
-            MEASURED,
-            CONFIG,
-            *DATA,
-            *(one for one in MODEL if one.name != "beta"),
+            *(one for one in _STUDY if one.name != "beta"),
             METHOD,
             Option("betas", "numbers", "weights to try (21 from 0 to 1)", metavar="BETA"),
             FOLDS,
             Option("future", "yes", "test on later rows, along the first input", False),
-            _JSON,
-            SAVE,
-            SEED,
-            *LOUDNESS,
+            *_FITTED,
         ),
         choose_beta,
         "hybridsurrogate choose-beta measured.csv --simulation runs.csv --inputs minutes "

@@ -4,20 +4,17 @@ from __future__ import annotations
 
 import argparse
 import inspect
-from functools import partial
 from pathlib import Path
 from typing import Any
 
 import pandas as pd
 
 from hybridsurrogate.command_line.output import (
-    STDOUT,
-    as_json,
     check_outputs,
     say,
+    show,
     stage,
     write_files,
-    write_json,
 )
 from hybridsurrogate.command_line.study import Study, model_of, read_study_data
 from hybridsurrogate.command_line.user_code import function_in, is_code
@@ -68,22 +65,16 @@ def _reported(found: SimulationComparison, given: argparse.Namespace) -> int:
     """Write the files, then print the report; return the exit code."""
     with stage("Report", given):
         made = found.report(full=given.verbose)
-        of_each = [
-            (f"Diagnosis of {name}", _next_to(given.report, name), one.report().save)
-            for name, one in found.diagnoses.items()
+        numbers = made.to_dict()
+        reports = [
+            ("With pictures", given.report, made.save),
+            *(
+                (f"Diagnosis of {name}", _next_to(given.report, name), one.report().save)
+                for name, one in found.diagnoses.items()
+            ),
         ]
-        written, failed = write_files(
-            [
-                ("With pictures", given.report, made.save),
-                *of_each,
-                ("Numbers", given.json, partial(write_json, made.to_dict())),
-            ]
-        )
-    say("\n".join(["", str(made), *([""] if written else []), *written]))
-    if given.json == STDOUT:
-        say(as_json(made.to_dict()), given.result)
-    if failed:
-        raise OSError(" ".join(failed))
+        files = write_files(given, numbers, reports)
+    show(given, f"\n{made}", numbers, *files)
     return 0
 
 
@@ -134,7 +125,7 @@ def _names_of(words: list[str]) -> list[str]:
 
 def _names_in(word: str, given: argparse.Namespace) -> set[str]:
     """Return the columns or arguments of a simulation, and its outputs."""
-    named = {text.partition("=")[0] for option in _SHARED for text in getattr(given, option)}
+    named = {name for option in _SHARED for name in getattr(given, option)}
     if not is_code(word):
         table = long_table(read_table(word), given.inputs, given.output)
         if lacking := [name for name in given.output if name not in table]:
@@ -154,20 +145,18 @@ def _names_in(word: str, given: argparse.Namespace) -> set[str]:
 def _check_all_there(given: argparse.Namespace, there: set[str]) -> None:
     """Raise ValueError for a name that no simulation has."""
     for option in _SHARED:
-        for text in getattr(given, option):
-            name = text.partition("=")[0]
+        for name in getattr(given, option):
             if name not in there:
                 raise ValueError(
-                    f"--{option.replace('_', '-')} {text}: none of the simulations has {name!r}, "
+                    f"--{option.replace('_', '-')} {name}: none of the simulations has {name!r}, "
                     f"they have {', '.join(sorted(there))}.{did_you_mean(name, there)}"
                 )
 
 
 def _check_measured(given: argparse.Namespace) -> None:
     """Raise ValueError where the file of measurements looks like one of runs."""
-    unknown = [*given.parameters, *(text.partition("=")[0] for text in given.prior)]
     columns = list(read_table(given.measured).columns)
-    there = [name for name in dict.fromkeys(unknown) if name in columns]
+    there = [name for name in dict.fromkeys([*given.parameters, *given.prior]) if name in columns]
     if there:
         raise ValueError(
             f"{given.measured} has columns of the parameters {there}, which are unknown for "
@@ -178,10 +167,11 @@ def _check_measured(given: argparse.Namespace) -> None:
 
 def _given_to(word: str, there: set[str], given: argparse.Namespace) -> argparse.Namespace:
     """Return the options as `diagnose` has them, of one simulation."""
-    own: dict[str, Any] = {
-        option: [text for text in getattr(given, option) if text.partition("=")[0] in there]
-        for option in _SHARED
-    }
+    own: dict[str, Any] = {}
+    for option in _SHARED:
+        named = getattr(given, option)
+        names = [name for name in named if name in there]
+        own[option] = {name: named[name] for name in names} if isinstance(named, dict) else names
     runs = given.runs if is_code(word) else None
     return argparse.Namespace(**{**vars(given), **own, "simulation": word, "runs": runs})
 

@@ -4,32 +4,23 @@ from __future__ import annotations
 
 import argparse
 from contextlib import suppress
-from functools import partial
 from typing import Any
 
+from hybridsurrogate.arguments import check_units
 from hybridsurrogate.command_line.output import (
-    STDOUT,
-    as_json,
     check_outputs,
     first_words,
     print_table,
-    report_of,
     say,
+    show,
     stage,
     write_files,
-    write_json,
 )
-from hybridsurrogate.command_line.study import (
-    Study,
-    checked_units,
-    model_of,
-    read_study_data,
-)
+from hybridsurrogate.command_line.study import Study, model_of, read_study_data
 from hybridsurrogate.command_line.user_code import read_saved
 from hybridsurrogate.datasets.demonstrations import DEMONSTRATIONS
 from hybridsurrogate.diagnosis import DiscrepancyDiagnosis
 from hybridsurrogate.estimators import PowerScaledSurrogate
-from hybridsurrogate.saved_file import save
 from hybridsurrogate.surrogates import ExactSurrogate
 
 _DONE, _FOUND = 0, 1
@@ -43,30 +34,27 @@ def demo(given: argparse.Namespace) -> int:
     check_outputs(given)
     shown = DEMONSTRATIONS[given.name][0]()
     study = Study(shown.simulator, ExactSurrogate(), shown.X, shown.y)
-    units = checked_units(given.units, study.columns)
+    check_units(given.units, study.columns)
     say(f"{shown.introduction}\n")
     model = PowerScaledSurrogate(study.simulation, study.surrogate, random_state=given.seed)
     if given.max_causes is None:
         given.max_causes = shown.max_causes
-    return _diagnosed(model, study, given, units, shown.test)
+    return _diagnosed(model, study, given, shown.test)
 
 
 def diagnose(given: argparse.Namespace) -> int:
     """Diagnose a simulation on the user's measurements; return the exit code."""
     check_outputs(given)
     study = read_study_data(given)
-    units = checked_units(given.units, study.columns)
-    return _diagnosed(model_of(study, given, given.beta), study, given, units)
+    check_units(given.units, study.columns)
+    return _diagnosed(model_of(study, given, given.beta), study, given)
 
 
 def report(given: argparse.Namespace) -> int:
     """Report a saved diagnosis; return the exit code."""
     check_outputs(given)
     diagnosis = read_saved(given.saved, DiscrepancyDiagnosis)
-    result = diagnosis.result_
-    simulation, columns = result.before.simulation, result.search.problem.model.columns
-    known = dict.fromkeys([*columns, *simulation.parameter_ranges, *simulation.outputs])
-    return _reported(diagnosis, given, checked_units(given.units, known))
+    return _reported(diagnosis, given)
 
 
 def next_runs(given: argparse.Namespace) -> int:
@@ -80,7 +68,6 @@ def _diagnosed(
     model: PowerScaledSurrogate,
     study: Study,
     given: argparse.Namespace,
-    units: dict[str, str],
     test: Any = None,
 ) -> int:
     """Search, print the verdict, measure the gain, report."""
@@ -95,7 +82,7 @@ def _diagnosed(
     )
     with stage("Search", given, shown=False):
         diagnosis.fit(study.X, study.y, y_err=list(getattr(given, "errors", ())) or None)
-    say(first_words(report_of(diagnosis, given, units, None), diagnosis.result_))
+    say(first_words(diagnosis.report(units=given.units), diagnosis.result_))
     if not given.no_folds:
         say(
             "\nNow the gain on held-out rows: the search is repeated without them. --no-folds "
@@ -104,36 +91,27 @@ def _diagnosed(
         # the diagnosis warns that its folds were interrupted, and keeps all else
         with stage("Folds", given, shown=False), suppress(KeyboardInterrupt):
             diagnosis.cross_validate()
-    return _reported(diagnosis, given, units, test, study)
+    return _reported(diagnosis, given, test, study)
 
 
 def _reported(
     diagnosis: DiscrepancyDiagnosis,
     given: argparse.Namespace,
-    units: dict[str, str],
     test: Any = None,
     study: Study | None = None,
 ) -> int:
     """Write the files, then print the report; return the exit code."""
     with stage("Report", given):
-        made = report_of(diagnosis, given, units, test)
-        written, failed = write_files(
-            [
-                ("With pictures", given.report, made.save),
-                ("Numbers", given.json, partial(write_json, made.to_dict())),
-                (
-                    "Saved",
-                    getattr(given, "save", None),
-                    lambda path: save(diagnosis, path, study and study.code),
-                ),
-            ]
+        made = diagnosis.report(
+            test=test,
+            beta_scan=getattr(given, "beta_scan", False),
+            units=given.units,
+            full=given.verbose,
         )
-    # the text is not lost with a file
-    say("\n".join([str(made), *([""] if written else []), *written]))
-    if given.json == STDOUT:
-        say(as_json(made.to_dict()), given.result)
+        numbers = made.to_dict()
+        pictures = [("With pictures", given.report, made.save)]
+        files = write_files(given, numbers, pictures, diagnosis, study and study.code)
+    show(given, str(made), numbers, *files)
     if study is not None and study.later is not None:
         say(f"\nSince then: {diagnosis.update(*study.later)}")
-    if failed:
-        raise OSError(" ".join(failed))
     return _FOUND if given.check and diagnosis.verdict_ != "adequate" else _DONE

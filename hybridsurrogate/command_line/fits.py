@@ -3,32 +3,25 @@
 from __future__ import annotations
 
 import argparse
-from functools import partial
 from typing import Any
 
-import numpy as np
 import pandas as pd
 
 from hybridsurrogate.command_line.output import (
-    STDOUT,
-    as_json,
     check_outputs,
     print_table,
-    say,
+    show,
     stage,
     write_files,
-    write_json,
 )
 from hybridsurrogate.command_line.study import check_file_columns, model_of, read_study_data
 from hybridsurrogate.command_line.user_code import read_saved
 from hybridsurrogate.diagnosis import DiscrepancyDiagnosis
+from hybridsurrogate.diagnosis.report.summary import plain
 from hybridsurrogate.estimators import choose_beta as held_out
 from hybridsurrogate.estimators.beta_path import LEAVE_FUTURE_OUT
-from hybridsurrogate.saved_file import save
 from hybridsurrogate.simulation.simulator import Simulator
 from hybridsurrogate.simulation.table_file import numbers_of, read_table
-
-_LEVEL = 0.9
 
 
 def fit(given: argparse.Namespace) -> int:
@@ -39,7 +32,9 @@ def fit(given: argparse.Namespace) -> int:
     with stage("Fit", given):
         model.fit(study.X, study.y, y_err=list(given.errors) or None)
     table = model.summary()
-    _finish(model, _text(table), {"estimates": _records(table)}, given, study.code)
+    numbers = {"estimates": plain(table.reset_index(names="name"))}
+    files = write_files(given, numbers, saved=model, code=study.code)
+    show(given, _text(table), numbers, *files)
     return 0
 
 
@@ -60,8 +55,9 @@ def choose_beta(given: argparse.Namespace) -> int:
             model, study.X, study.y, given.betas, cv, y_err=list(given.errors) or None
         )
     text = f"beta = {choice.beta:g} has the best held-out ELPD.\n\n{_text(choice.table)}"
-    numbers = {"beta": choice.beta, "table": _records(choice.table)}
-    _finish(choice.estimator, text, numbers, given, study.code)
+    numbers = {"beta": choice.beta, "table": plain(choice.table)}
+    files = write_files(given, numbers, saved=choice.estimator, code=study.code)
+    show(given, text, numbers, *files)
     return 0
 
 
@@ -73,7 +69,7 @@ def predict(given: argparse.Namespace) -> int:
     rows = _rows_for(model, read_table(given.new_inputs), given.new_inputs)
     known = rows if hasattr(model, "feature_names_in_") else rows.to_numpy()
     mean, sd = model.predict(known, return_std=True)
-    low, high = model.predict_interval(known, _LEVEL)
+    low, high = model.predict_interval(known, 0.9)
     outputs = model.simulation.outputs
     table = rows.copy()
     for k, name in enumerate(outputs):
@@ -99,27 +95,5 @@ def _rows_for(model: Any, table: pd.DataFrame, path: str) -> pd.DataFrame:
     )
 
 
-def _finish(
-    model: Any, text: str, numbers: dict[str, Any], given: argparse.Namespace, code: str | None
-) -> None:
-    written, failed = write_files(
-        [
-            ("Numbers", given.json, partial(write_json, numbers)),
-            ("Saved", given.save, lambda path: save(model, path, code)),
-        ]
-    )
-    say("\n".join([text, *([""] if written else []), *written]))
-    if given.json == STDOUT:
-        say(as_json(numbers), given.result)
-    if failed:
-        raise OSError(" ".join(failed))
-
-
 def _text(table: pd.DataFrame) -> str:
     return str(table.to_string(float_format=lambda value: f"{value:.4g}"))
-
-
-def _records(table: pd.DataFrame) -> list[dict[str, Any]]:
-    named = table if isinstance(table.index, pd.RangeIndex) else table.reset_index(names="name")
-    records = named.replace({np.nan: None}).to_dict("records")
-    return [{str(key): value for key, value in record.items()} for record in records]

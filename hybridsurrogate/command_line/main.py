@@ -5,8 +5,8 @@ from __future__ import annotations
 import argparse
 import sys
 import warnings
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager, redirect_stdout
+from collections.abc import Sequence
+from contextlib import redirect_stdout
 from io import StringIO
 from textwrap import fill
 from typing import Any, NoReturn
@@ -101,8 +101,11 @@ def main(argv: Sequence[str] | None = None) -> int:
         warnings.showwarning = _PrintOnce()  # catch_warnings restores it
         try:
             with redirect_stdout(Unbroken(sys.stdout)):
-                given = _settings(command, words)
-                with _texts_of(given):
+                given = argparse.Namespace(
+                    **completed(command.options, words, _from_file(words.get("config"))),
+                    result=sys.stdout,
+                )
+                with redirect_stdout(_texts_of(given)):
                     return command.run(given)
         except (ValueError, TypeError, OSError) as error:
             print(f"hybridsurrogate: {error}", file=sys.stderr)
@@ -112,25 +115,15 @@ def main(argv: Sequence[str] | None = None) -> int:
             return _INTERRUPTED
 
 
-def _settings(command: Subcommand, words: dict[str, Any]) -> argparse.Namespace:
-    """Return a value for each option of a command, and ``result``, where results are printed."""
+def _from_file(path: str | None) -> dict[str, Any]:
     known = [option for one in COMMANDS for option in one.options]
-    from_file = read_study(words["config"], known) if "config" in words else {}
-    return argparse.Namespace(**completed(command.options, words, from_file), result=sys.stdout)
+    return {} if path is None else read_study(path, known)
 
 
-@contextmanager
-def _texts_of(given: argparse.Namespace) -> Iterator[None]:
-    """Send texts to stderr where stdout is for a result, and nowhere where they are not wanted."""
+def _texts_of(given: argparse.Namespace) -> Any:
+    """Return where texts go: stderr where stdout is for a result, nowhere if not wanted."""
     results = (getattr(given, "json", None), getattr(given, "table", None))
-    if given.quiet:
-        with redirect_stdout(StringIO()):
-            yield
-    elif STDOUT in results:
-        with redirect_stdout(sys.stderr):
-            yield
-    else:
-        yield
+    return StringIO() if given.quiet else sys.stderr if STDOUT in results else sys.stdout
 
 
 class _PrintOnce:

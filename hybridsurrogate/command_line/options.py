@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import argparse
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 from scipy import stats
 
@@ -124,6 +124,8 @@ class Option:
         On the command line or in the study file.
     in_file : bool
         Whether a study file may contain it.
+    example : str
+        A right value of a pair.
     """
 
     name: str
@@ -135,6 +137,7 @@ class Option:
     positional: bool = False
     required: bool = False
     in_file: bool = True
+    example: str = ""
 
     @property
     def flag(self) -> str:
@@ -148,18 +151,47 @@ class Option:
         return str(self.default) if shown else ""
 
 
-_PARSED: dict[str, dict[str, Any]] = {
-    "text": {},
-    "path": {},
-    "paths": {"nargs": "+"},
-    "names": {"nargs": "+"},
-    "limit": {},
-    "number": {"type": float},
-    "numbers": {"type": float, "nargs": "+"},
-    "whole": {"type": int},
-    "pairs": {"action": "append"},
-    "yes": {"action": "store_true"},
+class Kind(NamedTuple):
+    """A kind of value: what it is called, what a study file must hold, what becomes of it."""
+
+    wanted: str
+    types: tuple[type, ...]
+    convert: Callable[[Any], Any]
+    several: bool = False
+
+    def has(self, value: Any) -> bool:
+        """Return whether this is one value of the kind; True is no number."""
+        return isinstance(value, self.types) and isinstance(value, bool) == (bool in self.types)
+
+    def read(self, value: Any) -> Any:
+        """Return what a study file holds as options have it, None for another kind of value."""
+        if not self.several:
+            return self.convert(value) if self.has(value) else None
+        each = [value] if isinstance(value, str) else value
+        right = isinstance(each, list) and all(map(self.has, each))
+        return list(map(self.convert, each)) if right else None
+
+
+def _joined(table: dict[str, Any]) -> dict[str, str] | None:
+    lists = {name: one if isinstance(one, list) else [one] for name, one in table.items()}
+    right = all(KINDS["limit"].has(cell) for cells in lists.values() for cell in cells)
+    return {name: ",".join(map(str, cells)) for name, cells in lists.items()} if right else None
+
+
+KINDS = {
+    "text": Kind("text", (str,), str),
+    "path": Kind("text", (str,), str),
+    "paths": Kind('a list of names, such as ["t"]', (str,), str, several=True),
+    "names": Kind('a list of names, such as ["t"]', (str,), str, several=True),
+    "limit": Kind("a number or a column", (str, int, float), str),
+    "number": Kind("a number", (int, float), float),
+    "numbers": Kind("a list of numbers", (int, float), float, several=True),
+    "whole": Kind("a whole number", (int,), int),
+    "pairs": Kind("a table of names, such as {speed = [2, 0.5]}", (dict,), _joined),
+    "yes": Kind("true or false", (bool,), bool),
 }
+# what is typed otherwise than a value, or several
+_ACTIONS = {"pairs": "append", "yes": "store_true"}
 
 
 def add_options(parser: argparse.ArgumentParser, options: Iterable[Option]) -> None:
@@ -171,7 +203,12 @@ def add_options(parser: argparse.ArgumentParser, options: Iterable[Option]) -> N
     options : iterable of Option
     """
     for one in options:
-        settings = dict(_PARSED[one.kind])
+        kind = KINDS[one.kind]
+        settings: dict[str, Any] = {"type": kind.convert}
+        if one.kind in _ACTIONS:
+            settings = {"action": _ACTIONS[one.kind]}
+        elif kind.several:
+            settings["nargs"] = "+"
         if one.choices:
             settings["choices"] = one.choices
         if one.positional:
@@ -189,7 +226,7 @@ def completed(
 ) -> dict[str, Any]:
     """Return a value for each option: what was given, else that in the file, else the default.
 
-    Pairs of both are joined, and a name that both have is as it was given.
+    Pairs are a dict, in which a name that both have is as it was given.
 
     Parameters
     ----------
@@ -199,7 +236,7 @@ def completed(
     Raises
     ------
     ValueError
-        Where one that is required is in neither.
+        Where one that is required is in neither, and for a pair without a name or a value.
 
     Examples
     --------
@@ -210,7 +247,7 @@ def completed(
     for one in options:
         out[one.name] = given.get(one.name, from_file.get(one.name, one.default))
         if one.kind == "pairs":
-            out[one.name] = [*from_file.get(one.name, []), *given.get(one.name, [])]
+            out[one.name] = from_file.get(one.name, {}) | _named(given.get(one.name, []), one)
         if one.required and not out[one.name]:
             raise ValueError(
                 f"{one.flag} is missing: give it"
@@ -219,28 +256,16 @@ def completed(
     return out
 
 
-def named(pairs: Sequence[str], option: str, example: str) -> dict[str, str]:
-    """Return NAME=VALUE texts by name; raise ValueError for a text without one of the two.
-
-    Parameters
-    ----------
-    pairs : sequence of str
-    option : str
-        What it is called, and the form of a value.
-    example : str
-        A value that is right.
-
-    Examples
-    --------
-    >>> named(["co2=ppm"], "--units NAME=UNIT", "ppm")
-    {'co2': 'ppm'}
-    """
+def _named(pairs: Sequence[str], option: Option) -> dict[str, str]:
+    """Return NAME=VALUE texts by name; raise ValueError for a text without one of the two."""
     out = {}
-    flag, form = option.split()
     for text in pairs:
         name, _, value = text.partition("=")
         if not name or not value:
-            raise ValueError(f"{flag} {text}: write {form}, such as {name or 'x'}={example}.")
+            raise ValueError(
+                f"{option.flag} {text}: write {option.metavar}, such as "
+                f"{name or 'x'}={option.example}."
+            )
         out[name] = value
     return out
 
@@ -287,12 +312,14 @@ DATA = (
         "prior of a parameter: normal MEAN,SD, or MEAN,SD,LOW,HIGH cut off there, or uniform "
         "LOW..HIGH; of runs the default is uniform over them",
         metavar="NAME=MEAN,SD",
+        example="2,0.5",
     ),
     Option(
         "assumed",
         "pairs",
         "constant that the modeller fixed, and the range in which it may be (of runs: theirs)",
         metavar="NAME=VALUE[,LOW,HIGH]",
+        example="0.5,0.3,0.9",
     ),
     Option(
         "runs",
@@ -315,6 +342,7 @@ DATA = (
         "parameter that differs between experiments: own, or spread around a mean; of the output "
         "spread: errors that rows share",
         metavar="NAME=HOW",
+        example="spread",
     ),
 )
 MODEL = (
@@ -367,7 +395,9 @@ BETA_SCAN = Option("beta_scan", "yes", "also try other weights: takes longer tha
 REPORT = Option("report", "path", "report to write: .html, .txt or .json", "report.html", "FILE")
 OUTCOME = (
     Option("json", "path", "also write the numbers; - prints them alone", metavar="FILE"),
-    Option("units", "pairs", "unit of a column, for the report", metavar="NAME=UNIT"),
+    Option(
+        "units", "pairs", "unit of a column, for the report", metavar="NAME=UNIT", example="ppm"
+    ),
     Option("check", "yes", "end with exit code 1 unless the verdict is adequate", False),
 )
 SAVE = Option("save", "path", "file to save the result in, for later commands", metavar="FILE")

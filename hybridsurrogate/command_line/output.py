@@ -7,19 +7,21 @@ import json
 import os
 import sys
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
+from functools import partial
 from pickle import PicklingError
 from typing import Any
 
 import pandas as pd
 
-from hybridsurrogate.diagnosis import DiscrepancyDiagnosis
 from hybridsurrogate.diagnosis.fitting.result import DiagnosisResult
 from hybridsurrogate.diagnosis.report.report import Report, ending_of
+from hybridsurrogate.diagnosis.report.text import aligned
 from hybridsurrogate.notebook import doing
 from hybridsurrogate.numerics.atomic_file import check_writable, written_whole
 from hybridsurrogate.numerics.digits import probability
+from hybridsurrogate.saved_file import save
 
 STDOUT = "-"
 # rows of the first table of causes
@@ -60,16 +62,8 @@ class Unbroken:
             os.dup2(os.open(os.devnull, os.O_WRONLY), self._stream.fileno())
 
 
-def say(text: str, stream: Any = None) -> None:
-    """Print text at once.
-
-    Parameters
-    ----------
-    text : str
-    stream : text stream or None, default=None
-        None: stdout.
-    """
-    print(text, file=stream, flush=True)
+# at once, also where stdout is a file
+say = partial(print, flush=True)
 
 
 def check_outputs(given: argparse.Namespace) -> None:
@@ -144,43 +138,39 @@ def kinds_as_text(causes: pd.DataFrame) -> str:
     by_kind = known.groupby(["kind", "target"], dropna=False, sort=False)["probability"].sum()
     shown = by_kind.sort_values(ascending=False, kind="stable").head(_MOST_CAUSES)
     names = [kind if pd.isna(target) else f"{kind} in {target}" for kind, target in shown.index]
-    width = max(map(len, [*names, "cause"]))
-    lines = [f"{'cause':{width}}  probability"]
-    for name, value in zip(names, shown, strict=True):
-        lines.append(f"{name:{width}}  {probability(float(value))}")
-    return "\n".join(lines)
-
-
-def report_of(
-    diagnosis: DiscrepancyDiagnosis, given: argparse.Namespace, units: dict[str, str], test: Any
-) -> Report:
-    """Return the report of a diagnosis, with what the command line asks for.
-
-    Parameters
-    ----------
-    diagnosis : DiscrepancyDiagnosis
-    given : argparse.Namespace
-        With ``verbose``, and perhaps ``beta_scan``.
-    units : dict of str to str
-    test : (X, y) or None
-        Rows held out.
-    """
-    beta_scan = getattr(given, "beta_scan", False)
-    return diagnosis.report(test=test, beta_scan=beta_scan, units=units, full=given.verbose)
+    return aligned(
+        pd.DataFrame({"cause": names, "probability": [probability(float(one)) for one in shown]})
+    )
 
 
 def write_files(
-    writers: Sequence[tuple[str, str | None, Callable[[str], None]]],
+    given: argparse.Namespace,
+    numbers: Any,
+    reports: Iterable[tuple[str, str, Callable[[str], None]]] = (),
+    saved: Any = None,
+    code: str | None = None,
 ) -> tuple[list[str], list[str]]:
     """Write files and return a line for each that was written, and for each that failed.
 
     Parameters
     ----------
-    writers : sequence of (what, path or None, function of a path)
-        None, and "-", are no files.
+    given : argparse.Namespace
+        With ``json``, and perhaps ``save``.
+    numbers : dict
+        For ``json``.
+    reports : iterable of (what, path, function of a path)
+    saved : object, optional
+        For ``save``.
+    code : str, optional
+        The Python file of its simulation.
     """
+    files: list[tuple[str, str | None, Callable[[str], Any]]] = [
+        *reports,
+        ("Numbers", given.json, partial(_write_json, numbers)),
+        ("Saved", getattr(given, "save", None), lambda path: save(saved, path, code)),
+    ]
     written, failed = [], []
-    for what, path, write in writers:
+    for what, path, write in files:
         if path is None or path == STDOUT:
             continue
         try:
@@ -191,25 +181,29 @@ def write_files(
     return written, failed
 
 
-def write_json(numbers: Any, path: str) -> None:
-    """Write numbers as JSON, whole or not at all.
+def show(
+    given: argparse.Namespace, text: str, numbers: Any, written: list[str], failed: list[str]
+) -> None:
+    """Print a text, the files that were written and, where asked for, the numbers.
 
-    Parameters
-    ----------
-    numbers : dict
-    path : str
+    Raises
+    ------
+    OSError
+        At the end, as the text is not lost with a file.
     """
+    say("\n".join([text, *([""] if written else []), *written]))
+    if given.json == STDOUT:
+        say(_as_json(numbers), file=given.result)
+    if failed:
+        raise OSError(" ".join(failed))
+
+
+def _write_json(numbers: Any, path: str) -> None:
     with written_whole(path) as part:
-        part.write_text(as_json(numbers) + "\n", encoding="utf-8")
+        part.write_text(_as_json(numbers) + "\n", encoding="utf-8")
 
 
-def as_json(numbers: Any) -> str:
-    """Return numbers as JSON.
-
-    Parameters
-    ----------
-    numbers : dict
-    """
+def _as_json(numbers: Any) -> str:
     return json.dumps(numbers, indent=2, allow_nan=False)
 
 
@@ -223,7 +217,7 @@ def print_table(table: pd.DataFrame, given: argparse.Namespace) -> None:
         With ``table`` and ``result``, a text stream.
     """
     if given.table == STDOUT:
-        say(table.to_csv(index=False).rstrip("\n"), given.result)
+        say(table.to_csv(index=False).rstrip("\n"), file=given.result)
         return
     with written_whole(given.table) as part:
         table.to_csv(part, index=False)

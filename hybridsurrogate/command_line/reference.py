@@ -48,7 +48,11 @@ def _section(command: Subcommand) -> Iterator[str]:
     yield f"```console\n$ {command.example}\n```\n"
     yield "| option | meaning | default |\n|---|---|---|"
     for option in command.options:
-        yield f"| {_written(option)} | {_cell(_meaning(option))} | {_default(option)} |"
+        choices = f": {', '.join(option.choices)}" if option.choices else ""
+        again = "; may be repeated" if option.kind == "pairs" else ""
+        meaning = f"{option.meaning}{choices}{again}".replace("|", "\\|")
+        default = f"`{option.shown_default}`" if option.shown_default else ""
+        yield f"| {_written(option)} | {meaning} | {'required' if option.required else default} |"
     yield ""
 
 
@@ -60,22 +64,6 @@ def _written(option: Option) -> str:
     value = option.metavar or option.name.upper()
     several = " ..." if option.kind in ("names", "numbers", "paths") else ""
     return f"`{option.flag} {value}{several}`"
-
-
-def _meaning(option: Option) -> str:
-    choices = f": {', '.join(option.choices)}" if option.choices else ""
-    again = "; may be repeated" if option.kind == "pairs" else ""
-    return f"{option.meaning}{choices}{again}"
-
-
-def _default(option: Option) -> str:
-    if option.required:
-        return "required"
-    return f"`{option.shown_default}`" if option.shown_default else ""
-
-
-def _cell(text: str) -> str:
-    return text.replace("|", "\\|")
 
 
 if __name__ == "__main__":

@@ -15,7 +15,7 @@ import numpy as np
 import pandas as pd
 
 from hybridsurrogate.arguments import check_readable, described, is_address
-from hybridsurrogate.command_line.options import Option, assumed_of, named, prior_of
+from hybridsurrogate.command_line.options import KINDS, Option, assumed_of, prior_of
 from hybridsurrogate.command_line.user_code import function_in, is_code
 from hybridsurrogate.estimators import PowerScaledSurrogate, PredictiveWeightedSurrogate
 from hybridsurrogate.exceptions import DiagnosisWarning, did_you_mean
@@ -81,9 +81,10 @@ def read_study(path: str, options: Iterable[Option]) -> dict[str, Any]:
 
 
 def _value(option: Option, value: Any, path: str, folder: Path) -> Any:
-    wanted, converted = _CONVERTED[option.kind](value)
+    kind = KINDS[option.kind]
+    converted = kind.read(value)
     if converted is None:
-        raise ValueError(f"{path}: {option.name} must be {wanted}, got {described(value)}.")
+        raise ValueError(f"{path}: {option.name} must be {kind.wanted}, got {described(value)}.")
     if option.choices and converted not in option.choices:
         raise ValueError(
             f"{path}: {option.name} must be one of {', '.join(option.choices)}, got {value!r}."
@@ -96,70 +97,6 @@ def _value(option: Option, value: Any, path: str, folder: Path) -> Any:
 
 def _in_folder(file: str, folder: Path) -> str:
     return file if file == "-" or is_address(file) else str(folder / Path(file).expanduser())
-
-
-def _is_number(value: Any) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool)
-
-
-def _text(value: Any) -> tuple[str, Any]:
-    return "text", value if isinstance(value, str) else None
-
-
-def _names(value: Any) -> tuple[str, Any]:
-    names = [value] if isinstance(value, str) else value
-    right = isinstance(names, list) and all(isinstance(name, str) for name in names)
-    return 'a list of names, such as ["t"]', names if right else None
-
-
-def _limit(value: Any) -> tuple[str, Any]:
-    right = isinstance(value, str) or _is_number(value)
-    return "a number or a column", str(value) if right else None
-
-
-def _number(value: Any) -> tuple[str, Any]:
-    return "a number", float(value) if _is_number(value) else None
-
-
-def _numbers(value: Any) -> tuple[str, Any]:
-    right = isinstance(value, list) and all(map(_is_number, value))
-    return "a list of numbers", list(map(float, value)) if right else None
-
-
-def _whole(value: Any) -> tuple[str, Any]:
-    right = isinstance(value, int) and not isinstance(value, bool)
-    return "a whole number", value if right else None
-
-
-def _yes(value: Any) -> tuple[str, Any]:
-    return "true or false", value if isinstance(value, bool) else None
-
-
-def _pairs(value: Any) -> tuple[str, Any]:
-    wanted = "a table of names, such as {speed = [2, 0.5]}"
-    if not isinstance(value, dict):
-        return wanted, None
-    out = []
-    for name, one in value.items():
-        cells = one if isinstance(one, list) else [one]
-        if not all(isinstance(cell, str) or _is_number(cell) for cell in cells):
-            return wanted, None
-        out.append(f"{name}={','.join(map(str, cells))}")
-    return wanted, out
-
-
-_CONVERTED = {
-    "text": _text,
-    "path": _text,
-    "paths": _names,
-    "names": _names,
-    "limit": _limit,
-    "number": _number,
-    "numbers": _numbers,
-    "whole": _whole,
-    "yes": _yes,
-    "pairs": _pairs,
-}
 
 
 # of measurements, beyond which kriging takes too long; of the polynomial that then takes its place
@@ -243,48 +180,22 @@ def read_study_data(given: argparse.Namespace) -> Study:
     return Study(simulation, surrogate, X[:n], y[:n], after, user and user.file, likelihood)
 
 
-def checked_units(pairs: Sequence[str], known: Iterable[str]) -> dict[str, str]:
-    """Return units by name; raise ValueError for a name that is none of the known.
-
-    Parameters
-    ----------
-    pairs : sequence of str
-        NAME=UNIT.
-    known : iterable of str
-
-    Examples
-    --------
-    >>> checked_units(["co2=ppm"], ["year", "co2"])
-    {'co2': 'ppm'}
-    """
-    units, known = named(pairs, "--units NAME=UNIT", "ppm"), list(known)
-    for name in units:
-        if name not in known:
-            raise ValueError(
-                f"--units {name}={units[name]}: there is no {name!r}, but {', '.join(known)}."
-                f"{did_you_mean(name, known)}"
-            )
-    return units
-
-
 def _from_runs(given: argparse.Namespace, runs: pd.DataFrame) -> SimulationData:
     parameters = list(given.parameters)
-    constants = named(given.assumed, "--assumed NAME=VALUE,LOW,HIGH", "0.5,0.3,0.9")
-    check_file_columns([*parameters, *constants], runs, given.simulation)
-    ends = {
-        name: (float(runs[name].min()), float(runs[name].max()))
-        for name in (*parameters, *constants)
-    }
+    unknown = [*parameters, *given.assumed]
+    check_file_columns(unknown, runs, given.simulation)
+    ends = {name: (float(runs[name].min()), float(runs[name].max())) for name in unknown}
     priors: dict[str, Prior | None] = {
         name: None for name in parameters if ends[name][0] < ends[name][1]
     }
-    for name, text in _priors(given, parameters).items():
+    _check_priors(given, parameters)
+    for name, text in given.prior.items():
         priors[name] = prior_of(name, text, (ends[name], len(runs)))
     fixed = [name for name in parameters if name not in priors]
     if fixed:
         raise ValueError(f"The parameters {fixed} have one value in all runs: leave them out.")
-    assumed = {name: assumed_of(name, text, ends[name]) for name, text in constants.items()}
-    _warn_of_unnamed(runs, {*given.inputs, *parameters, *constants, *given.output})
+    assumed = {name: assumed_of(name, text, ends[name]) for name, text in given.assumed.items()}
+    _warn_of_unnamed(runs, {*given.inputs, *unknown, *given.output})
     return SimulationData.from_frame(runs, given.inputs, priors, given.output, assumed)
 
 
@@ -292,35 +203,31 @@ def _from_function(
     given: argparse.Namespace, function: Any, measured: pd.DataFrame
 ) -> SimulationData | Simulator:
     """Return the function as a simulation over the ranges of the measured inputs, or its runs."""
-    texts = named(given.prior, "--prior NAME=MEAN,SD", "2,0.5")
-    parameters = list(given.parameters or texts)
-    _priors(given, parameters)
-    without = [name for name in parameters if name not in texts]
+    parameters = list(given.parameters or given.prior)
+    _check_priors(given, parameters)
+    without = [name for name in parameters if name not in given.prior]
     if without:
         raise ValueError(
             f"The parameters {without} have no prior, and a function no runs to take one from: "
             f"add --prior {without[0]}=MEAN,SD."
         )
-    constants = named(given.assumed, "--assumed NAME=VALUE,LOW,HIGH", "0.5,0.3,0.9")
     simulator = Simulator(
         function,
         {name: (float(measured[name].min()), float(measured[name].max())) for name in given.inputs},
-        {name: prior_of(name, texts[name]) for name in parameters},
-        {name: assumed_of(name, text) for name, text in constants.items()},
+        {name: prior_of(name, given.prior[name]) for name in parameters},
+        {name: assumed_of(name, text) for name, text in given.assumed.items()},
         given.output,
     )
     return simulator if given.runs is None else simulator.run(given.runs, random_state=given.seed)
 
 
-def _priors(given: argparse.Namespace, parameters: Sequence[str]) -> dict[str, str]:
-    texts = named(given.prior, "--prior NAME=MEAN,SD", "2,0.5")
-    for name, text in texts.items():
+def _check_priors(given: argparse.Namespace, parameters: Sequence[str]) -> None:
+    for name, text in given.prior.items():
         if name not in parameters:
             raise ValueError(
                 f"--prior {name}={text}: {name!r} is not one of --parameters."
                 f"{did_you_mean(name, parameters)}"
             )
-    return texts
 
 
 def check_file_columns(names: Sequence[str], table: pd.DataFrame, path: str) -> None:
@@ -497,14 +404,13 @@ def model_of(
         Weight of the simulation.
     method : {"power-scaling", "predictive-weighting"}
     """
-    estimator = _METHODS[method]
-    return estimator(
+    return _METHODS[method](
         study.simulation,
         surrogate=study.surrogate,
         beta=beta,
         likelihood=study.likelihood,
         noise=given.noise,
         experiment=given.experiment,
-        by_experiment=named(given.by_experiment, "--by-experiment NAME=HOW", "spread") or None,
+        by_experiment=given.by_experiment or None,
         random_state=given.seed,
     )

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import pandas as pd
+from matplotlib.axes import Axes
 
 from hybridsurrogate.diagnosis.report.details.provenance import installed
 from hybridsurrogate.diagnosis.report.elements.section import (
@@ -19,35 +19,16 @@ from hybridsurrogate.diagnosis.report.elements.section import (
     Table,
     rendered,
 )
-from hybridsurrogate.diagnosis.report.elements.tables import records, rounded
-from hybridsurrogate.diagnosis.report.report import Report
+from hybridsurrogate.diagnosis.report.elements.tables import rounded
+from hybridsurrogate.diagnosis.report.report import Report, Reported
+from hybridsurrogate.diagnosis.report.summary import plain
 from hybridsurrogate.numerics import digits
 from hybridsurrogate.plotting.scores import plot_comparison
 
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
 
-    from hybridsurrogate.diagnosis.report.report import Report
-
-
-def report_of(
-    table: pd.DataFrame,
-    agreement: pd.DataFrame,
-    chosen: str | None,
-    all_wrong: bool | None,
-    full: bool = False,
-) -> Report:
-    """Return the report on several simulations.
-
-    Parameters
-    ----------
-    table, agreement : DataFrame
-        Of a `SimulationComparison`.
-    chosen : str or None
-    all_wrong : bool or None
-    full : bool
-        Whether the text has the tables, too.
-    """
+def _report_of(found: SimulationComparison, full: bool) -> Report:
+    table, agreement = found.table, found.agreement
+    chosen, all_wrong = found.chosen, found.all_wrong
     first = FirstScreen(
         f"{digits.listing([str(name) for name in table.index])} · "
         f"hybridsurrogate {installed('hybridsurrogate')}",
@@ -55,7 +36,7 @@ def report_of(
         _lead(table, agreement),
         _cards(table),
         _caution(chosen, all_wrong),
-        Picture(partial(_drawn, table)),
+        Picture(_drawn, table),
         _advice(table, chosen, all_wrong),
     )
     named = table.reset_index(names="simulation")
@@ -67,8 +48,8 @@ def report_of(
         "schema_version": 1,
         "chosen": chosen,
         "all_wrong": all_wrong,
-        "table": records(named),
-        "agreement": records(agreement),
+        "table": plain(named),
+        "agreement": plain(agreement),
     }
     return Report(first, sections, summary, full)
 
@@ -175,7 +156,7 @@ CHOSEN = 0.9
 
 
 @dataclass(frozen=True, eq=False)
-class SimulationComparison:
+class SimulationComparison(Reported):
     """Several simulations of the same measurements compared.
 
     Attributes
@@ -247,8 +228,6 @@ class SimulationComparison:
         -------
         matplotlib Axes
         """
-        from hybridsurrogate.plotting.scores import plot_comparison
-
         return plot_comparison(self.table, ax)
 
     def report(self, full: bool = False) -> Report:
@@ -259,10 +238,4 @@ class SimulationComparison:
         full : bool, default=False
             Whether the text has the tables too; HTML always has them, folded.
         """
-        return report_of(self.table, self.agreement, self.chosen, self.all_wrong, full)
-
-    def __str__(self) -> str:
-        return str(self.report())
-
-    def _repr_html_(self) -> str:
-        return str(self.report()._repr_html_())
+        return _report_of(self, full)

@@ -36,8 +36,6 @@ _NAMES = {
 }
 _N_DAYS = 74
 _POPULATION, _PER = 60_421_760, 100_000
-# one person in Italy: no less, as a log-normal likelihood needs
-_LEAST = 0.001
 
 
 def epidemic_slopes(
@@ -49,8 +47,8 @@ def epidemic_slopes(
 
 
 def infected_per_100k(state: FloatArray) -> FloatArray:
-    """Return the infected, and at least one in the country."""
-    return np.maximum(state[1], _LEAST)
+    """Return the infected, and at least one in Italy, as a log-normal likelihood needs."""
+    return np.maximum(state[1], 0.001)
 
 
 def fetch_covid19_italy(
@@ -117,7 +115,11 @@ def fetch_covid19_italy(
     (74, 1)
     """
     home = Path(get_data_home(data_home))
-    table = _read(_local_copy(home) or _download(home, download_if_missing, n_retries, delay))
+    shared = os.environ.get("HYBRIDSURROGATE_SHARED")
+    folders = [home] if shared is None else [home, Path(shared) / "data"]
+    paths = [folder / name for folder in folders for name in (FILE, _EXCERPT)]
+    local = next((path for path in paths if path.exists()), None)
+    table = _read(local or _download(home, download_if_missing, n_retries, delay))
     target = _PER * (table["confirmed"] - table["recovered"]) / _POPULATION
     frame = table.assign(date=pd.to_datetime(table["date"]))
     frame.insert(0, "t", np.arange(1.0, _N_DAYS + 1))
@@ -148,13 +150,6 @@ def fetch_covid19_italy(
     )
 
 
-def _local_copy(home: Path) -> Path | None:
-    shared = os.environ.get("HYBRIDSURROGATE_SHARED")
-    folders = [home] if shared is None else [home, Path(shared) / "data"]
-    paths = [folder / name for folder in folders for name in (FILE, _EXCERPT)]
-    return next((path for path in paths if path.exists()), None)
-
-
 def _download(home: Path, allowed: bool, n_retries: int, delay: float) -> Path:
     missing = f"{home / FILE} does not exist"
     advice = f"Download {URL} where there is a network and save it as {home / FILE}."
@@ -172,15 +167,11 @@ def _read(path: Path) -> pd.DataFrame:
     wanted = list(_NAMES.values())
     if set(wanted) <= set(table.columns):
         table = table[wanted].assign(date=table["date"].astype(str).str[:10])
-        if _checksum(table) == CHECKSUM:
+        rows: Any = table.itertuples(index=False)
+        lines = "\n".join(",".join(map(str, row)) for row in rows)
+        if hashlib.sha256(lines.encode()).hexdigest() == CHECKSUM:
             return table
     raise OSError(
         f"The numbers in {path} are not the expected ones: their checksum differs. Delete the file "
         "and call again, or download it anew from " + URL
     )
-
-
-def _checksum(table: pd.DataFrame) -> str:
-    rows: Any = table.itertuples(index=False)
-    lines = "\n".join(",".join(map(str, row)) for row in rows)
-    return hashlib.sha256(lines.encode()).hexdigest()

@@ -12,11 +12,6 @@ from hybridsurrogate.priors import truncated_normal
 from hybridsurrogate.simulation.simulator import Simulator
 from hybridsurrogate.types import FloatArray
 
-_SIMULATED_RANGE = (1.0, 200.0)
-_TRUE_OMEGA = 1.0
-# inputs of the second test set, beyond those that are measured by default
-_OUTSIDE = (100.0, 200.0)
-
 
 def logarithmic_growth(x: FloatArray, omega: FloatArray) -> FloatArray:
     """Return the output of the simulation: 0.01 x + 1 + omega log(x)."""
@@ -81,30 +76,19 @@ def make_log_sin(
     SimulationData(100 runs of logarithmic_growth: x -> y, parameters: omega)
     """
     rng = random_generator(random_state)
-    x = {
-        "": np.linspace(*train_range, n_measured),
-        "_in": rng.uniform(*train_range, n_test),
-        "_out": rng.uniform(*_OUTSIDE, n_test),
-    }
-    mu = {word: _process(x[word]) for word in x}
+    x = measured_and_test_inputs(train_range, (100.0, 200.0), n_measured, n_test, rng)
+    mu = {word: logarithmic_growth(x[word], np.ones(1)) + np.sin(0.05 * x[word]) for word in x}
     y = {word: mu[word] + noise * rng.standard_normal(len(mu[word])) for word in x}
     simulator = Simulator(
         logarithmic_growth,
-        inputs={"x": _SIMULATED_RANGE},
+        inputs={"x": (1.0, 200.0)},
         parameters={"omega": truncated_normal(0.9, 0.05, 0.6, 1.4)},
     )
     return Bunch(
         simulator=simulator,
         # last, as how many random numbers a design takes depends on the version of scipy
         simulation=simulator.run(n_runs, random_state=rng, ends=0),
-        X=x[""][:, None],
-        y=y[""],
-        X_in=x["_in"][:, None],
-        mu_in=mu["_in"],
-        y_in=y["_in"],
-        X_out=x["_out"][:, None],
-        mu_out=mu["_out"],
-        y_out=y["_out"],
+        **measured_and_test_sets(x, mu, y),
         DESCR=(
             "y = 0.01 x + 1 + log(x) + sin(0.05 x) and normal noise, against a simulation "
             "0.01 x + 1 + omega log(x). First case study of arXiv:2412.11875.\n"
@@ -115,5 +99,39 @@ def make_log_sin(
     )
 
 
-def _process(x: FloatArray) -> FloatArray:
-    return logarithmic_growth(x, np.full_like(x, _TRUE_OMEGA)) + np.sin(0.05 * x)
+def measured_and_test_inputs(
+    train_range: tuple[float, float],
+    outside: tuple[float, float],
+    n_measured: int,
+    n_test: int,
+    rng: np.random.Generator,
+) -> dict[str, FloatArray]:
+    """Return measured inputs "", and those of test sets in this range, "_in", and outside, "_out".
+
+    Parameters
+    ----------
+    train_range, outside : pair of float
+    n_measured, n_test : int
+    rng : numpy Generator
+    """
+    return {
+        "": np.linspace(*train_range, n_measured),
+        "_in": rng.uniform(*train_range, n_test),
+        "_out": rng.uniform(*outside, n_test),
+    }
+
+
+def measured_and_test_sets(
+    x: dict[str, FloatArray], mu: dict[str, FloatArray], y: dict[str, FloatArray]
+) -> dict[str, FloatArray]:
+    """Return X and y of what is measured, and X, mu and y of both test sets.
+
+    Parameters
+    ----------
+    x, mu, y : dict of "", "_in" and "_out" to ndarray of shape (n,)
+        Inputs, outputs without and with noise.
+    """
+    sets = {"X": x[""][:, None], "y": y[""]}
+    for word in ("_in", "_out"):
+        sets |= {f"X{word}": x[word][:, None], f"mu{word}": mu[word], f"y{word}": y[word]}
+    return sets

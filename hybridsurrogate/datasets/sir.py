@@ -11,19 +11,15 @@ from scipy.stats import uniform
 from sklearn.utils import Bunch
 
 from hybridsurrogate.arguments import random_generator
+from hybridsurrogate.datasets.log_sin import measured_and_test_inputs, measured_and_test_sets
 from hybridsurrogate.priors import truncated_normal
 from hybridsurrogate.simulation.simulator import Assumed, SimulationData, Simulator
 from hybridsurrogate.types import FloatArray
 
 _POPULATION = 763.0
-_FIRST_INFECTED = 1.0
-_TRUE_CONTACT_RATE = 1.6
-_TRUE_RECOVERY_RATE = 0.7
 _ASSUMED_RECOVERY_RATE = 0.55
+# of the negative binomial counts
 _PRECISION = 5.0
-_SIMULATED_RANGE = (1.0, 14.0)
-# inputs of the second test set, beyond those that are measured by default
-_OUTSIDE = (7.5, 14.0)
 # exact to twelve digits for 14 days at 3 contacts a day, to eight for 20 days
 _STEPS, _ORDER = 60, 12
 
@@ -66,8 +62,7 @@ def infected(t: ArrayLike, contact_rate: ArrayLike, recovery_rate: ArrayLike) ->
     # rates per step, so that a step's end is the sum of the coefficients
     contact, recovery = step * contact, step * recovery
     s, i = np.empty((2, _ORDER + 1, *step.shape))
-    s[0] = 1 - _FIRST_INFECTED / _POPULATION
-    i[0] = _FIRST_INFECTED / _POPULATION
+    s[0], i[0] = 1 - 1 / _POPULATION, 1 / _POPULATION
     for _ in range(_STEPS):
         for k in range(_ORDER):
             # coefficient k of the product s i
@@ -186,24 +181,20 @@ def make_sir(
     array([222.])
     """
     rng = random_generator(random_state)
-    t = {
-        "": np.linspace(*train_range, n_measured),
-        "_in": rng.uniform(*train_range, n_test),
-        "_out": rng.uniform(*_OUTSIDE, n_test),
-    }
-    number = {word: infected(t[word], _TRUE_CONTACT_RATE, _TRUE_RECOVERY_RATE) for word in t}
-    y = {word: _counts(number[word], rng) + add_one for word in t}
+    t = measured_and_test_inputs(train_range, (7.5, 14.0), n_measured, n_test, rng)
+    number = {word: infected(t[word], contact_rate=1.6, recovery_rate=0.7) for word in t}
+    share = {word: _PRECISION / (_PRECISION + number[word]) for word in t}
+    y = {word: rng.negative_binomial(_PRECISION, share[word]).astype(float) + add_one for word in t}
+    inputs = {"t": (1.0, 14.0)}
     unknown = {"contact_rate": truncated_normal(2.0, 0.5, 1, 3)}
     simulator = Simulator(
         ReportedInfected(add_one, round_counts),
-        inputs={"t": _SIMULATED_RANGE},
+        inputs=inputs,
         parameters=unknown,
         assumed={"recovery_rate": Assumed(_ASSUMED_RECOVERY_RATE, uniform(0.3, 0.6))},
         output="infected",
     )
-    fixed = Simulator(
-        ReportedInfected(add_one), {"t": _SIMULATED_RANGE}, unknown, output="infected"
-    )
+    fixed = Simulator(ReportedInfected(add_one), inputs, unknown, output="infected")
     # last, as how many random numbers a design takes depends on the version of scipy
     simulation, simulation_fixed = (
         sim.run(n_runs, random_state=rng, ends=0) for sim in (simulator, fixed)
@@ -215,14 +206,7 @@ def make_sir(
         simulation=simulation,
         simulator_fixed=fixed,
         simulation_fixed=simulation_fixed,
-        X=t[""][:, None],
-        y=y[""],
-        X_in=t["_in"][:, None],
-        mu_in=number["_in"] + add_one,
-        y_in=y["_in"],
-        X_out=t["_out"][:, None],
-        mu_out=number["_out"] + add_one,
-        y_out=y["_out"],
+        **measured_and_test_sets(t, {word: number[word] + add_one for word in t}, y),
         DESCR=(
             "Negative binomial counts of the infected in an SIR epidemic among 763 with contact "
             "rate 1.6 and recovery rate 0.7, against a simulation that assumes a recovery rate of "
@@ -232,10 +216,6 @@ def make_sir(
             "Units: days, persons, rates per day."
         ),
     )
-
-
-def _counts(mean: FloatArray, rng: np.random.Generator) -> FloatArray:
-    return rng.negative_binomial(_PRECISION, _PRECISION / (_PRECISION + mean)).astype(float)
 
 
 def _rounded_at_random(runs: SimulationData, rng: np.random.Generator) -> SimulationData:

@@ -846,8 +846,8 @@ class DiscrepancyDiagnosis(RegressorMixin, BaseEstimator):
         check_is_fitted(self)
         import matplotlib.pyplot as plt
 
+        from hybridsurrogate.diagnosis.report.details.pictures import overview
         from hybridsurrogate.diagnosis.report.elements.view import view_of
-        from hybridsurrogate.diagnosis.report.picture import overview
 
         # before a figure is made
         view, held_out = view_of(self.result_, units), self._held_out(test)

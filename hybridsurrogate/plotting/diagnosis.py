@@ -17,8 +17,12 @@ from hybridsurrogate.plotting.style import (
     ALTERNATIVES,
     BEFORE,
     DATA,
+    FEW_VALUES,
+    LITTLE_INFORMATION,
+    NINE_TENTHS,
     QUIET,
     grid_of_axes,
+    list_names,
     new_axes,
     share_range,
     tidy,
@@ -121,15 +125,13 @@ def plot_scores(
     >>> ax.lines[0].get_xdata()
     array([-2., -1.])
     """
-    places = np.arange(len(names))[::-1]
+    places = list_names(ax, names)
     ax.hlines(places, before, after, color=QUIET, lw=1)
     ax.plot(before, places, "o", color=BEFORE, ms=6, label="before")
     if np.isfinite(after).any():
         bar = np.where(np.isfinite(error), error, 0.0)
         label = "after, ± error of the difference"
         ax.errorbar(after, places, xerr=bar, fmt="s", color=AFTER, ms=5, capsize=3, label=label)
-    ax.set_yticks(places, labels=list(names))
-    ax.set_ylim(-0.6, len(names) - 0.4)
     ax.set_xlabel("held-out log density per row\n(further right is better)")
     return ax
 
@@ -163,14 +165,12 @@ def plot_coverage(
     >>> ax.get_xlabel()
     'rows in the 90 % interval, %'
     """
-    places = np.arange(len(names))[::-1]
+    places = list_names(ax, names)
     error = np.sqrt(level * (1 - level) / np.asarray(n_rows))
     ax.axvline(100 * level, color=QUIET, lw=1, ls="--", label=f"should be {100 * level:g} %")
     for place, share, bar, name in zip(places, shares, error, names, strict=True):
         colour, mark = (BEFORE, "o") if "before" in name else (AFTER, "s")
         ax.errorbar(100 * share, place, xerr=100 * bar, fmt=mark, color=colour, ms=5, capsize=3)
-    ax.set_yticks(places, labels=list(names))
-    ax.set_ylim(-0.6, len(names) - 0.4)
     ax.set_xlim(right=min(float(ax.get_xlim()[1]), 102))
     # where names leave little room the label would run over the edge
     ax.set_xlabel(f"rows in the {100 * level:g} % interval, %", loc="right")
@@ -218,7 +218,7 @@ def plot_emulator(emulator: Emulator, axes: ArrayLike | None = None) -> NDArray[
     for (name, one), (scatter, histogram) in zip(left_out.items(), grid, strict=True):
         some = np.linspace(0, len(one.y) - 1, min(len(one.y), _MOST)).astype(int)
         y, mean, sd = one.y[some], one.mean[some], one.sd[some]
-        scatter.errorbar(y, mean, 1.645 * sd, fmt=".", color=AFTER, elinewidth=0.7, ms=3)
+        scatter.errorbar(y, mean, NINE_TENTHS * sd, fmt=".", color=AFTER, elinewidth=0.7, ms=3)
         scatter.axline((y.min(), y.min()), slope=1.0, color=DATA, lw=0.8)
         scatter.set(xlabel=f"{name}, simulated", ylabel=f"{name}, predicted without the run")
         scatter.set_title(f"Q² = {one.q2:.4g}")
@@ -355,9 +355,6 @@ def _shade(top: Axes, below: Axes, held: FloatArray, x: FloatArray) -> None:
     if held.min() >= x.max() or held.max() <= x.min():
         for ax in (top, below):
             ax.axvspan(held.min(), held.max(), color=QUIET, alpha=0.12, lw=0, zorder=0)
-
-
-_FEW_VALUES, _LITTLE_INFORMATION = 12, 0.05
 
 
 class Prediction(NamedTuple):
@@ -560,7 +557,7 @@ def plot_alternatives(
     ['trend', 'ramp', 'measure here']
     """
     # a column with a few values is no line
-    mark = "o" if len(x) <= _FEW_VALUES else ""
+    mark = "o" if len(x) <= FEW_VALUES else ""
     for mean, name, (colour, style) in zip(means, names, ALTERNATIVES, strict=False):
         ax.plot(x, mean, color=colour, ls=style, lw=1.6, marker=mark, label=name)
     ax.axvline(place, color=DATA, lw=1, ls=(0, (1, 1)), label="measure here")
@@ -593,11 +590,11 @@ def plot_information(ax: Axes, x: FloatArray, information: FloatArray, place: fl
     >>> ax.get_ylabel().split()
     ['information', 'in', 'bits']
     """
-    ax.plot(x, information, color=DATA, marker="o" if len(x) <= _FEW_VALUES else "")
+    ax.plot(x, information, color=DATA, marker="o" if len(x) <= FEW_VALUES else "")
     ax.axvline(place, color=DATA, lw=1, ls=(0, (1, 1)))
     ax.set_ylabel("information\nin bits")
     # next to nothing shall look like it
-    ax.set_ylim(0, max(float(ax.get_ylim()[1]), _LITTLE_INFORMATION))
+    ax.set_ylim(0, max(float(ax.get_ylim()[1]), LITTLE_INFORMATION))
     return ax
 
 

@@ -8,7 +8,15 @@ import pandas as pd
 from matplotlib import ticker
 from matplotlib.axes import Axes
 
-from hybridsurrogate.plotting.style import AFTER, DATA, OMEGA_COLOURS, QUIET, new_axes, tidy
+from hybridsurrogate.plotting.style import (
+    AFTER,
+    DATA,
+    NINE_TENTHS,
+    OMEGA_COLOURS,
+    QUIET,
+    new_axes,
+    tidy,
+)
 
 # lines that an Axes has room to name within it
 _NAMED = 6
@@ -58,10 +66,6 @@ def plot_power(table: pd.DataFrame, ax: Axes | None = None, power: float = 0.9) 
     return ax
 
 
-# of a standard normal, the middle nine tenths
-_NINE_TENTHS = 1.645
-
-
 def plot_monitor(
     table: pd.DataFrame, false_alarm_rate: float, since: int | None = None, ax: Axes | None = None
 ) -> Axes:
@@ -95,7 +99,7 @@ def plot_monitor(
     """
     ax = new_axes()[0] if ax is None else ax
     number = np.arange(len(table))
-    ax.axhspan(-_NINE_TENTHS, _NINE_TENTHS, color=QUIET, alpha=0.15, lw=0, label="nine of ten")
+    ax.axhspan(-NINE_TENTHS, NINE_TENTHS, color=QUIET, alpha=0.15, lw=0, label="nine of ten")
     ax.plot(number, table["deviation"], "o", color=DATA, ms=4, label="measured")
     if since is not None:
         ax.axvline(since - 0.5, color=QUIET, ls=":", label="most probably changed")

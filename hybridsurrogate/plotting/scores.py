@@ -20,6 +20,7 @@ from hybridsurrogate.plotting.style import (
     SCHEMES,
     explain,
     grid_of_axes,
+    list_names,
     new_axes,
     tidy,
 )
@@ -139,18 +140,15 @@ def plot_comparison(table: pd.DataFrame, ax: Axes | None = None) -> Axes:
     'held-out ELPD a row, less that of the best'
     """
     ax = new_axes(height=1.2 + 0.45 * len(table))[0] if ax is None else ax
-    place = np.arange(len(table))[::-1]
     ax.errorbar(
         table["difference"],
-        place,
+        list_names(ax, table.index),
         xerr=table["difference_error"].fillna(0.0),
         fmt="o",
         color=BEFORE,
         capsize=3,
     )
     ax.axvline(0.0, color=QUIET, lw=0.8, ls=":")
-    ax.set_yticks(place, [str(name) for name in table.index])
-    ax.set_ylim(-0.6, len(table) - 0.4)
     return tidy(ax, "held-out ELPD a row, less that of the best", "", legend=False)
 
 

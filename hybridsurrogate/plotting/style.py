@@ -6,7 +6,7 @@ share an Axes, their markers or lines differ as well.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -24,6 +24,14 @@ BEFORE, AFTER, DATA, HELD_OUT, QUIET = "#0072B2", "#D55E00", "#222222", "#009E73
 ALTERNATIVES = (("#D55E00", "-"), ("#0072B2", "--"), ("#009E73", "-."), ("#CC79A7", ":"))
 # without its lightest end, which is lost on white
 OMEGA_COLOURS = ListedColormap(colormaps["viridis"](np.linspace(0, 0.93, 256)), "omega")
+
+
+# half the width of the middle nine tenths of a standard normal
+NINE_TENTHS = 1.645
+# a column with at most so many values is no line
+FEW_VALUES = 12
+# bits, of which one more measurement is hardly worth it
+LITTLE_INFORMATION = 0.07
 
 
 class Style(NamedTuple):
@@ -99,6 +107,15 @@ def tidy(ax: Axes, xlabel: str, ylabel: str, legend: bool = True, ticks: int = 7
     if legend:
         add_legend(ax)
     return ax
+
+
+def list_names(ax: Axes, names: Iterable[Any]) -> NDArray[np.int_]:
+    """Give names a line each on the y axis, the first on top, and return their places."""
+    labels = [str(name) for name in names]
+    places = np.arange(len(labels))[::-1]
+    ax.set_yticks(places, labels=labels)
+    ax.set_ylim(-0.6, len(labels) - 0.4)
+    return places
 
 
 def add_legend(ax: Axes) -> Axes:

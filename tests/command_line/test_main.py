@@ -198,7 +198,7 @@ def test_units_are_of_columns_that_there_are(quick, capsys):
     assert main(["demo", "--units", "flow=km3/a", "--units", "mean_flow=km3/a"]) == 0
     assert main(["demo", "--units", "flwo=km3/a", "--report", "new.html"]) == 2
     error = capsys.readouterr().err.splitlines()[-1]
-    assert "there is no 'flwo', but year, mean_flow, flow. Did you mean 'flow'?" in error
+    assert "there is no 'flwo'; there are year, mean_flow, flow. Did you mean 'flow'?" in error
     assert not (quick / "new.html").exists()
     assert main(["demo", "--units", "flow"]) == 2
     assert "--units flow: write NAME=UNIT, such as flow=ppm" in capsys.readouterr().err

@@ -47,10 +47,10 @@ def test_what_a_study_file_holds(study, monkeypatch):
     assert given.measured == str(folder / "data" / "measured.csv")
     assert given.simulation == str(folder / "model.py:fall")
     assert (given.inputs, given.output) == (["t"], ["height"])
-    # what is typed takes precedence; the later of two priors of one name
+    # what is typed takes precedence, also of two priors of one name
     assert given.seed == 5
-    assert given.prior == ["gravity=9.8,0.5", "start=90..110", "gravity=9,1"]
-    assert (given.beta, given.no_folds, given.units) == (1.0, True, ["height=m"])
+    assert given.prior == {"gravity": "9,1", "start": "90..110"}
+    assert (given.beta, given.no_folds, given.units) == (1.0, True, {"height": "m"})
     assert given.report == str(folder / "fall.html")
     # what neither has
     assert (given.likelihood, given.jobs, given.check) == ("normal", -1, False)

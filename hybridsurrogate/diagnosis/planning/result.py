@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 import pandas as pd
+from matplotlib.axes import Axes
 
 from hybridsurrogate.arguments import check_number
 from hybridsurrogate.diagnosis.report.details.provenance import installed
@@ -21,50 +21,17 @@ from hybridsurrogate.diagnosis.report.elements.section import (
     Table,
     rendered,
 )
-from hybridsurrogate.diagnosis.report.elements.tables import records, rounded
-from hybridsurrogate.diagnosis.report.report import Report
+from hybridsurrogate.diagnosis.report.elements.tables import rounded
+from hybridsurrogate.diagnosis.report.report import Report, Reported
+from hybridsurrogate.diagnosis.report.summary import plain
 from hybridsurrogate.diagnosis.search.simulated import NOTHING, POWER, size_at
 from hybridsurrogate.inference.evidence.settings import SETTINGS
 from hybridsurrogate.numerics import digits
 from hybridsurrogate.plotting.planning import plot_power
 from hybridsurrogate.types import FloatArray
 
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
 
-    from hybridsurrogate.diagnosis.report.report import Report
-
-
-class Rates(NamedTuple):
-    """What a `Detectability` consists of.
-
-    Attributes
-    ----------
-    table, rates, confusion : pandas.DataFrame
-    smallest : pandas.Series
-        Smallest size of each cause that is detected in nine of ten data sets.
-    n_rows, n_replicates : int
-    false_alarm_rate : float
-    """
-
-    table: pd.DataFrame
-    rates: pd.DataFrame
-    confusion: pd.DataFrame
-    smallest: pd.Series
-    n_rows: int
-    n_replicates: int
-    false_alarm_rate: float
-
-
-def report_of(result: Rates, full: bool = False) -> Report:
-    """Return the report on planned measurements.
-
-    Parameters
-    ----------
-    result : Rates
-    full : bool
-        Whether the text has the tables, too.
-    """
+def _report_of(result: Detectability, full: bool) -> Report:
     first = FirstScreen(
         f"{result.n_rows} planned rows · hybridsurrogate {installed('hybridsurrogate')}",
         _headline(result),
@@ -76,11 +43,11 @@ def report_of(result: Rates, full: bool = False) -> Report:
         ),
         _cards(result),
         "",
-        Picture(lambda: _drawn(result)),
+        Picture(_drawn, result),
         _advice(result),
     )
     rows = Section("Rates", "each cause and size", tables=(Table(rounded(result.table, 2)),))
-    confusion = rounded(result.confusion.reset_index(), 2)
+    confusion = rounded(result.confusion().reset_index(), 2)
     matrix = Section(
         "Confusion", "what is found in place of what", tables=(Table(confusion, "All sizes."),)
     )
@@ -88,14 +55,14 @@ def report_of(result: Rates, full: bool = False) -> Report:
         "schema_version": 1,
         "rows": result.n_rows,
         "false_alarm_rate": result.false_alarm_rate,
-        "table": records(result.table),
-        "rates": records(result.rates),
+        "table": plain(result.table),
+        "rates": plain(result.rates),
     }
     return Report(first, (rows, matrix), summary, full)
 
 
-def _headline(result: Rates) -> str:
-    smallest = result.smallest
+def _headline(result: Detectability) -> str:
+    smallest = result.smallest()
     some = smallest.dropna()
     if some.empty:
         return (
@@ -113,11 +80,11 @@ def _headline(result: Rates) -> str:
     )
 
 
-def _cards(result: Rates) -> tuple[Card, ...]:
+def _cards(result: Detectability) -> tuple[Card, ...]:
     table = result.table
     largest = table[table["size"] == table["size"].max()]
     worst = table.loc[table["confused"].idxmax()]
-    never = [name for name, size in result.smallest.items() if size != size]
+    never = [name for name, size in result.smallest().items() if size != size]
     alarms = result.rates[(result.rates["cause"] == NOTHING) & (result.rates["found"] != NOTHING)]
     confused = "none"
     if worst["confused"] > 0:
@@ -147,7 +114,7 @@ def _cards(result: Rates) -> tuple[Card, ...]:
     )
 
 
-def _advice(result: Rates) -> tuple[Advice, ...]:
+def _advice(result: Detectability) -> tuple[Advice, ...]:
     table = result.table
     asked = table[(table["detected"] < POWER) & table["rows"].notna()]
     out = []
@@ -163,7 +130,7 @@ def _advice(result: Rates) -> tuple[Advice, ...]:
     return tuple(out)
 
 
-def _drawn(result: Rates) -> Drawn:
+def _drawn(result: Detectability) -> Drawn:
     return rendered(
         [plot_power(result.table)],
         "How often each cause would be detected (lines) and named (dashed), over its size.",
@@ -172,7 +139,7 @@ def _drawn(result: Rates) -> Drawn:
 
 
 @dataclass(frozen=True)
-class Detectability:
+class Detectability(Reported):
     """How often a diagnosis of planned measurements would detect and name each cause.
 
     Attributes
@@ -282,8 +249,6 @@ class Detectability:
         -------
         matplotlib Axes
         """
-        from hybridsurrogate.plotting.planning import plot_power
-
         return plot_power(self.table, ax)
 
     def report(self, full: bool = False) -> Report:
@@ -294,22 +259,7 @@ class Detectability:
         full : bool, default=False
             Whether the text has the tables too; HTML always has them, folded.
         """
-        rates = Rates(
-            self.table,
-            self.rates,
-            self.confusion(),
-            self.smallest(),
-            self.n_rows,
-            self.n_replicates,
-            self.false_alarm_rate,
-        )
-        return report_of(rates, full)
-
-    def __str__(self) -> str:
-        return str(self.report())
-
-    def _repr_html_(self) -> str:
-        return str(self.report()._repr_html_())
+        return _report_of(self, full)
 
 
 def detectability_of(

@@ -1,6 +1,6 @@
 """The report of a diagnosis.
 
-report (text, HTML, JSON), html, text and summary (how it is written); headline, cards and picture
+report (text, HTML, JSON), html, text and summary (how it is written); headline and cards
 (what a reader sees first); rooms: details (the folded sections), elements (what both are made of).
 """
 

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from hybridsurrogate.diagnosis.report.details.evidence import probability_of_smooth_curve
+from hybridsurrogate.diagnosis.report.details.evidence import needs_smooth_curve
 from hybridsurrogate.diagnosis.report.details.gain import is_better, is_worse
 from hybridsurrogate.diagnosis.report.elements.section import Advice, Card
-from hybridsurrogate.diagnosis.report.elements.view import SETTINGS, View, label_of, label_of_cause
+from hybridsurrogate.diagnosis.report.elements.view import View, label_of, label_of_cause
 from hybridsurrogate.diagnosis.validation.gain import HeldOutGain
 from hybridsurrogate.numerics import digits
+from hybridsurrogate.plotting.style import LITTLE_INFORMATION
 
 
 def advice(view: View) -> tuple[Advice, ...]:
@@ -21,8 +22,10 @@ def advice(view: View) -> tuple[Advice, ...]:
     if result.conclusion.verdict == "undecided":
         return _decide(view)
     if result.conclusion.verdict == "unexplained":
+        model = "diagnosis" if view.extended else "diagnosis.estimator_"
+        predict = f"{model}.predict(X)"
         return (
-            Advice("Within the measured range predict with the smooth curve:", _predict(view)),
+            Advice("Within the measured range predict with the smooth curve:", predict),
             Advice(
                 "Look for a mechanism with the shape of the curve, and compare it:",
                 "DiscrepancyDiagnosis(model, causes=[MyCause()])",
@@ -54,16 +57,11 @@ def _decide(view: View) -> tuple[Advice, ...]:
     return (Advice("Widen the prior, run the simulation there, and diagnose again."),)
 
 
-def _predict(view: View) -> str:
-    return "diagnosis.predict(X)" if view.extended else "diagnosis.estimator_.predict(X)"
-
-
 def _use(view: View) -> list[Advice]:
     result = view.result
-    if result.gain is not None and is_worse(result.gain):
+    if is_worse(result.gain):
         return [Advice("Predict with the simulation as it is:", "diagnosis.estimator_.predict(X)")]
-    within = result.gain_out_of_range is not None and is_worse(result.gain_out_of_range)
-    where = ", within the measured range" if within else ""
+    where = ", within the measured range" if is_worse(result.gain_out_of_range) else ""
     out = [Advice(f"Use the extended model{where}:", "diagnosis.predict(X)")]
     if result.extension.simulator is not None:
         out.append(Advice("Take it away as Python code:", 'diagnosis.to_python("extended.py")'))
@@ -84,10 +82,7 @@ def _check(view: View) -> Advice:
 
 
 def _search_on(view: View) -> list[Advice]:
-    if (
-        view.result.conclusion.verdict == "nearest"
-        or probability_of_smooth_curve(view) > SETTINGS.smooth_curve_said
-    ):
+    if needs_smooth_curve(view):
         more = len(view.findings) + 1
         return [Advice("Search for a further cause:", f"max_causes={more}")]
     curves = any(finding.kind == "curve-by-experiment" for finding, _ in view.findings)
@@ -109,7 +104,7 @@ def _measure(view: View) -> list[Advice]:
         ]
     )
     bits = digits.at_least(result.next_measurement.information)
-    if result.next_measurement.information < SETTINGS.little_information:
+    if result.next_measurement.information < LITTLE_INFORMATION:
         return [
             Advice(
                 "One more measurement would hardly separate the explanations: the best place, "

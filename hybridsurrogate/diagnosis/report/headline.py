@@ -8,15 +8,10 @@ from typing import Any
 
 from hybridsurrogate.diagnosis.answers.finding import CauseFinding
 from hybridsurrogate.diagnosis.report.elements.tables import noise_of, unit_of
-from hybridsurrogate.diagnosis.report.elements.view import View, label_of_cause
+from hybridsurrogate.diagnosis.report.elements.view import SETTINGS, View, label_of_cause
 from hybridsurrogate.effects.base import Cause
 from hybridsurrogate.effects.registry import headline_of, meaning_of
 from hybridsurrogate.numerics import digits
-
-# estimates in the sentence below the headline; kinds that an ambiguous headline lists
-_MOST_ESTIMATES, _MOST_KINDS = 4, 3
-# from which on the headline states the closest match of the catalogue as what is wrong
-_RATHER_RIGHT = 0.5
 
 
 def subject(view: View) -> str:
@@ -54,7 +49,7 @@ def headline(view: View) -> str:
         own = finding.kind, *finding.same_curve
         others = [kind for kind in result.indistinguishable if kind not in own]
         kinds = [finding.kind, *sorted(others, key=lambda kind: -shares[kind])]
-        shown = kinds[:_MOST_KINDS]
+        shown = kinds[: SETTINGS.most_kinds]
         left = len(kinds) - len(shown)
         more = f" or {left} others" if left > 1 else " or one other" if left else ""
         if len(shown) > 1 and not more:
@@ -64,7 +59,7 @@ def headline(view: View) -> str:
         return f"{_at_fault(view)} wrong, and the data leave open how: {choice}."
     sentence = sentence_of(view, finding, cause)
     right = result.conclusion.probability_right
-    if result.conclusion.verdict == "nearest" and right is not None and right < _RATHER_RIGHT:
+    if result.conclusion.verdict == "nearest" and right is not None and right < SETTINGS.likely:
         return f"{_at_fault(view)} wrong. The closest match: {_lower(sentence)}"
     return sentence
 
@@ -150,7 +145,7 @@ def sentence_of(view: View, finding: CauseFinding, cause: Cause) -> str:
 def estimates_of(view: View, finding: CauseFinding, cause: Cause) -> str:
     """Return the first estimates with their intervals: "amplitude 2.74 ppm (2.71 to 2.78)"."""
     parts: list[str] = []
-    for name, (mean, low, high) in list(finding.estimates.items())[:_MOST_ESTIMATES]:
+    for name, (mean, low, high) in list(finding.estimates.items())[: SETTINGS.most_listed]:
         value, _, limits = digits.interval(mean, low, high).partition(" (")
         unit = known_unit(view, cause, name)
         inside = f" ({limits}" if limits else ""
@@ -269,7 +264,7 @@ def _unexplained(view: View) -> tuple[str, ...]:
     share = digits.probability(view.result.extension.best_cause.probability)
     out = [f"A smooth curve of unknown cause has {share} of the probability."]
     band = view.band
-    stretches = band.stretches(band.grid[:, view.columns.index(band.column)])
+    stretches = band.stretches(view.band_x)
     if stretches and view.name in view.inputs:
         low, high, sign = max(stretches, key=lambda s: s[1] - s[0])
         out.append(

@@ -7,7 +7,6 @@ import json
 import os
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from functools import partial
 from html import escape
 from typing import Any
 
@@ -21,16 +20,14 @@ from hybridsurrogate.diagnosis.report.details import (
     extended_model,
     gain,
     measurement,
-    outputs,
     place,
     provenance,
-    weight,
 )
 from hybridsurrogate.diagnosis.report.details.checks import cautions
+from hybridsurrogate.diagnosis.report.details.pictures import Test, picture_overview
 from hybridsurrogate.diagnosis.report.elements.section import FirstScreen, Picture, Section
 from hybridsurrogate.diagnosis.report.elements.view import View, view_of
 from hybridsurrogate.diagnosis.report.headline import headline, lead, subject
-from hybridsurrogate.diagnosis.report.picture import Test, picture
 from hybridsurrogate.diagnosis.report.summary import summary
 from hybridsurrogate.diagnosis.validation.gain import HeldOutGain, gain_on
 from hybridsurrogate.numerics.atomic_file import check_writable, written_whole
@@ -110,6 +107,20 @@ class Report:
             part.write_text(content, encoding="utf-8")
 
 
+class Reported:
+    """A result that prints as its report, and shows it in a notebook."""
+
+    def report(self, full: bool = False) -> Report:
+        """Return the report."""
+        raise NotImplementedError
+
+    def __str__(self) -> str:
+        return str(self.report())
+
+    def _repr_html_(self) -> str:
+        return self.report()._repr_html_()
+
+
 def ending_of(path: str | os.PathLike[str]) -> str:
     """Return how a file name ends; raise ValueError where no report is written so."""
     ending = local_path(path).suffix.lower()
@@ -162,9 +173,9 @@ def make_report(
         extended_model.section(view),
         evidence.section(view),
         place.section(view),
-        *outputs.section(view),
+        *place.section_on_outputs(view),
         gain.section(view, gains),
-        *weight.section(view, within, beyond),
+        *gain.section_on_weights(view, within, beyond),
         measurement.section(view),
         checks.section(view),
         provenance.section(view),
@@ -194,7 +205,7 @@ def first_screen(view: View, test: Test = None, on_test: HeldOutGain | None = No
         lead(view),
         cards(view, on_test),
         doubts[0] + rest if doubts else "",
-        Picture(partial(picture, view, test)),
+        Picture(picture_overview, view, test),
         advice(view),
     )
 

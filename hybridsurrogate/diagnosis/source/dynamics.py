@@ -22,15 +22,13 @@ _METHODS = {"rk4": "DOP853", "rosenbrock": "Radau"}
 _LEAST_STEPS = 100
 
 
-INSIDE = ("scales rate", "adds to slope", "delays")
-
-
 def varying_in(parts: SourceParts) -> list[str]:
     """Return what solutions differ in: arguments of the right-hand side and of the start."""
     assert parts.ode is not None
     ode = parts.ode.function
-    inside = [part for part in parts.coded if part.code.does in INSIDE]
-    numbers = [part.ids[key] for part in inside for key in (*part.code.numbers, *part.code.by_row)]
+    numbers = [
+        part.ids[key] for part in parts.inside() for key in (*part.code.numbers, *part.code.by_row)
+    ]
     names = [parts.ids[name] for name in (*ode.rate_names, *ode.start_names)]
     return list(dict.fromkeys([*names, *numbers]))
 
@@ -53,8 +51,7 @@ def dynamics(model: ExtendedModel, parts: SourceParts) -> list[str]:
         f"STEP = {text_of(step)}  # the longest of the solver",
         f"SIZES = np.array([{', '.join(text_of(size) for size in sizes)}])",
     ]
-    start = "initial_state" if callable(ode.initial_state) else ""
-    if not start:
+    if not parts.start:
         first = ode.initial_state
         values = [first[n] for n in ode.states] if isinstance(first, Mapping) else list(first)
         numbers = ", ".join(text_of(float(np.ravel(value)[0])) for value in values)
@@ -62,17 +59,15 @@ def dynamics(model: ExtendedModel, parts: SourceParts) -> list[str]:
     seen = ["seen"] if late else []
     slope = call("right_hand_side", ["rhs", time, "state[:, None]", *seen, *varying], "return ", 8)
     given = {
-        "rhs": ", ".join(["rhs", *([start] if start else []), "times", "*numbers"]),
-        "own": ", ".join(["rhs", *([start] if start else []), "times[here]", "*own[:, None]"]),
-        "definition": definition(
-            "solution", ["rhs", *([start] if start else []), "times", *varying]
-        ),
+        "rhs": ", ".join(["rhs", *parts.start, "times", "*numbers"]),
+        "own": ", ".join(["rhs", *parts.start, "times[here]", "*own[:, None]"]),
+        "definition": definition("solution", ["rhs", *parts.start, "times", *varying]),
         "time": time,
         "slope": slope + "[:, 0]",
         "method": _METHODS.get(ode.method, ode.method),
         "first": "    first = FIRST",
     }
-    if start:
+    if parts.start:
         asked = call("initial_state", keywords(ode.start_names, parts.ids), "first = ")
         given["first"] = asked + _FIRST
     for one in stores:
@@ -91,7 +86,7 @@ def _right_hand_side(
     ode = parts.ode.function
     lines = [definition("right_hand_side", ["rhs", time, "state", *seen, *varying])]
     lines.append('    """Return the slopes of the states with the detected causes in them."""')
-    inside = [part for part in parts.coded if part.code.does in INSIDE]
+    inside = parts.inside()
     for part in inside:
         if part.code.does == "scales rate":
             rate = parts.ids[part.code.of]

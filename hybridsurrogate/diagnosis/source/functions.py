@@ -13,7 +13,6 @@ from hybridsurrogate.diagnosis.source.parts import (
     SourceParts,
     arguments_of,
     call_values_of,
-    link_of,
     own_arguments,
     placeholders,
 )
@@ -28,10 +27,9 @@ from hybridsurrogate.diagnosis.source.text import (
     text_of,
 )
 from hybridsurrogate.numerics.digits import listing
-from hybridsurrogate.ode.simulator import OdeSimulator
 
 
-def function_of(part: SourcePart, model: ExtendedModel) -> str:
+def function_of(part: SourcePart, parts: SourceParts) -> str:
     """Return the function of a cause."""
     code, ids = part.code, part.inside
     short = {part.ids[key]: ids[key] for key in part.ids}
@@ -40,23 +38,23 @@ def function_of(part: SourcePart, model: ExtendedModel) -> str:
         f"{short.get(name, name)}={part.numbers[name]}" if name in part.numbers else short[name]
         for name in call_values_of(part)
     ]
-    lines = [definition(part.function, arguments), f'    """{_does(part, model)}"""']
+    lines = [definition(part.function, arguments), f'    """{_does(part, parts)}"""']
     used = placeholders(code)
     for key, value in code.constants.items():
         lines.append(f"    {ids[key]} = {text_of(value)}")
     for key, (low, high, n) in code.grids.items():
         lines.append(f"    {ids[key]} = np.linspace({text_of(low)}, {text_of(high)}, {n})")
-    if "step" in used and isinstance(model.simulator, OdeSimulator):
-        lines.append(f"    {ids['step']} = {text_of(model.simulator.function.step)}")
+    if "step" in used and parts.ode is not None:
+        lines.append(f"    {ids['step']} = {text_of(parts.ode.function.step)}")
     for key, text in code.steps.items():
         lines.append(f"    {ids[key]} = {text.format_map(ids)}")
     lines.append(f"    return {code.expression.format_map(ids)}")
     return "\n".join(lines)
 
 
-def _does(part: SourcePart, model: ExtendedModel) -> str:
-    code, word = part.code, link_of(model.likelihood)[1]
-    output = code.output or listing(list(model.outputs))
+def _does(part: SourcePart, parts: SourceParts) -> str:
+    code, word = part.code, parts.word
+    output = code.output or listing(list(parts.model.outputs))
     said = {
         "adds": f"Return what is added to {word}{output}: {part.cause.name}.",
         "responds": f"Return what becomes of {word}{output}: {part.cause.name}.",
@@ -161,39 +159,26 @@ def _theta(one: FittedCause, numbers: Mapping[str, str]) -> str:
 def _run(model: ExtendedModel, parts: SourceParts, now: Mapping[str, str]) -> list[str]:
     """Return lines that run the simulation."""
     several = len(model.outputs) > 1
-    result = "outputs = by_name" if several else "output = "
     if parts.ode is not None:
         ode, time = parts.ode.function, now[parts.ode.input_names[0]]
         lines = [f"    {time} = np.maximum({time}, START)"]
-        start = ["initial_state"] if callable(ode.initial_state) else []
-        solved = ["rhs", *start, time, *(now.get(n, n) for n in varying_in(parts))]
+        solved = ["rhs", *parts.start, time, *(now.get(n, n) for n in varying_in(parts))]
         lines.append(call("solutions", solved, "states = "))
         seen = ["states", *keywords(ode.observe_names, now)]
-        if several:
-            lines.append(call("observe", seen, "output = "))
-            return [*lines, "    outputs = by_name(output, axis=0)"]
-        return [*lines, call("observe", seen, result)]
+        lines.append(call("observe", seen, "output = "))
+        return [*lines, "    outputs = by_name(output, axis=0)"] if several else lines
     names = [*model.inputs, *model.parameters, *model.assumed]
     given = keywords(names, now)
     simulator = model.simulator
-    way = ""
+    way, one = "simulation", []
     if simulator is not None and not simulator.vectorized:
         way = "in_curves" if simulator.returns == "curve" else "each_row"
-    if not way:
-        lines = [call("simulation", given, "output = ")]
-    elif several:
-        one = "lambda **own: [*by_name(simulation(**own)).values()]"
-        lines = [call(way, [one, *given], "output = ")]
-    else:
-        lines = [call(way, ["simulation", *given], "output = ")]
+        one = ["lambda **own: [*by_name(simulation(**own)).values()]" if several else "simulation"]
+    lines = [call(way, [*one, *given], "output = ")]
     if model.returns_dict:
         lines.append(f"    output = output[{literal(model.outputs[0])}]")
     if several:
-        lines.append(
-            "    outputs = by_name(output)"
-            if way != "in_curves"
-            else "    outputs = by_name([*output])"
-        )
+        lines.append(f"    outputs = by_name({'[*output]' if way == 'in_curves' else 'output'})")
     return lines
 
 

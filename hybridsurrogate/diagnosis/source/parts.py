@@ -143,6 +143,9 @@ class SourcePart:
         }
 
 
+_INSIDE = ("scales rate", "adds to slope", "delays")
+
+
 class SourceParts:
     """All names and numbers of a module."""
 
@@ -156,6 +159,8 @@ class SourceParts:
         if len(model.outputs) > 1:
             self.constants.append(f"OUTPUTS = {tuple_of(model.outputs)}")
         self.ode = simulator if isinstance(simulator, OdeSimulator) else None
+        # what is passed to solve it: the function of the start, where there is one
+        self.start = ["initial_state"] if self.ode and callable(self.ode.initial_state) else []
         self.link, self.word = link_of(model.likelihood)
         causes = [one for one in model.causes if one.cause.is_learned]
         codes = [code_of(one.cause) for one in causes]
@@ -188,6 +193,10 @@ class SourceParts:
             elif code.does not in ("replaces", "nothing"):
                 self.coded.append(self._part(one, code))
 
+    def inside(self) -> list[SourcePart]:
+        """Return the causes that change the dynamics."""
+        return [part for part in self.coded if part.code.does in _INSIDE]
+
     def defaults(self) -> dict[str, str]:
         """Return the arguments of `extended` after the columns, with their defaults."""
         out = {self.parameters[name]: self._defaults[name] for name in self.parameters}
@@ -198,17 +207,16 @@ class SourceParts:
             out |= numbers
         return out
 
-    def unit(self, template: str, code: Code | None = None) -> str:
+    def unit(self, template: str, code: Code) -> str:
         """Return a unit of which the names stand in braces."""
         model = self.model
-        output = (code and code.output) or (model.outputs[0] if len(model.outputs) == 1 else "y")
+        output = code.output or (model.outputs[0] if len(model.outputs) == 1 else "y")
         plain = model.units.get(output, output)
         known = {"plain": plain, "y": f"{self.word}{plain}"}
         known["t"] = model.units.get(model.inputs[0], model.inputs[0]) if model.inputs else "t"
-        if code is not None:
-            own = {**code.columns, **code.states, "of": code.of}
-            known |= {key: model.units.get(name, name) for key, name in own.items()}
-            known.setdefault("state", model.units.get(code.of, code.of))
+        own = {**code.columns, **code.states, "of": code.of}
+        known |= {key: model.units.get(name, name) for key, name in own.items()}
+        known.setdefault("state", model.units.get(code.of, code.of))
         return inline(template.format_map(known))
 
     def _draws(self, one: FittedCause) -> dict[str, FloatArray]:
@@ -403,8 +411,5 @@ def call_values_of(part: SourcePart) -> list[str]:
 
 def own_arguments(parts: SourceParts) -> list[str]:
     """Return the arguments of `extended` that are the user's functions."""
-    own = ["simulation"]
-    if parts.ode is not None:
-        start = ["initial_state"] if callable(parts.ode.initial_state) else []
-        own = ["rhs", *start, "observe"]
+    own = ["simulation"] if parts.ode is None else ["rhs", *parts.start, "observe"]
     return [*own, *(name for _, name, _ in parts.own)]

@@ -9,7 +9,7 @@ from numbers import Integral
 
 import numpy as np
 
-from hybridsurrogate.arguments import described
+from hybridsurrogate.arguments import check_units
 from hybridsurrogate.diagnosis.fitting.result import DiagnosisResult
 from hybridsurrogate.diagnosis.source.dynamics import dynamics
 from hybridsurrogate.diagnosis.source.functions import extended_function, function_of
@@ -21,7 +21,6 @@ from hybridsurrogate.diagnosis.source.parts import (
 )
 from hybridsurrogate.diagnosis.source.text import WIDTH, inline
 from hybridsurrogate.estimators.averaged import AveragedSurrogate, leading
-from hybridsurrogate.exceptions import did_you_mean
 from hybridsurrogate.model.posterior import Posterior
 from hybridsurrogate.model.rows.stacking import Stacking
 from hybridsurrogate.numerics.digits import listing, percent
@@ -163,7 +162,7 @@ def extended_model(
         simulator=simulator,
         sizes=sizes,
         labels=labels,
-        units=_checked_units(units, [name for name in names if name != OUTPUT]),
+        units=check_units(units, [name for name in names if name != OUTPUT]),
         about=_about(result),
         written_by=_written_by(result),
         functions=_functions_of(simulator),
@@ -177,28 +176,11 @@ def _sigma(
     """Return draws of the noise of each output, in its unit."""
     if not posterior.plain_likelihood.has_scale:
         return {}
-    if stacking is None:
-        return {outputs[0]: posterior.noise_of()}
+    scales = np.ones(1) if stacking is None else stacking.scale
     return {
         name: scale * posterior.noise_of(name, k)
-        for k, (name, scale) in enumerate(zip(outputs, stacking.scale, strict=True))
+        for k, (name, scale) in enumerate(zip(outputs, scales, strict=True))
     }
-
-
-def _checked_units(units: Mapping[str, str] | None, names: Sequence[str]) -> dict[str, str]:
-    if units is None:
-        return {}
-    if not isinstance(units, Mapping):
-        raise TypeError(f'units must be a dict such as {{"co2": "ppm"}}, got {described(units)}.')
-    for name, unit in units.items():
-        if name not in names:
-            raise ValueError(
-                f"units: there is no {name!r}; there are {', '.join(names)}."
-                f"{did_you_mean(str(name), names)}"
-            )
-        if not isinstance(unit, str):
-            raise TypeError(f"The unit of {name!r} must be text, got {described(unit)}.")
-    return dict(units)
 
 
 def _about(result: DiagnosisResult) -> list[str]:
@@ -273,7 +255,7 @@ def python_source(model: ExtendedModel) -> str:
     parts = SourceParts(model)
     head = [docstring(model, parts), "import numpy as np"]
     written = [part for part in parts.coded if part.code.does != "delays"]
-    functions = [function_of(part, model) for part in written]
+    functions = [function_of(part, parts) for part in written]
     body = dynamics(model, parts) if parts.ode is not None else []
     body.append(extended_function(model, parts))
     text = "\n\n\n".join([*functions, *body])

@@ -339,7 +339,9 @@ def test_what_to_predict_with(named):
 
 
 def test_units_of_unknown_columns_are_an_error(named):
-    with pytest.raises(ValueError, match=r"units has \['tt'\].*Did you mean 't'"):
+    with pytest.raises(
+        ValueError, match=r"units: there is no 'tt'; there are t, .*Did you mean 't'"
+    ):
         named.report(units={"tt": "h"})
 
 

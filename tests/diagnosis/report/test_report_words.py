@@ -10,7 +10,7 @@ import hybridsurrogate as hs
 from hybridsurrogate.diagnosis.answers.finding import CauseFinding
 from hybridsurrogate.diagnosis.checks.simulation import EmulatorCheck
 from hybridsurrogate.diagnosis.report import headline
-from hybridsurrogate.diagnosis.report.details import checks, gain, weight
+from hybridsurrogate.diagnosis.report.details import checks, gain
 from hybridsurrogate.diagnosis.report.elements.view import View, label_of_cause
 from hybridsurrogate.diagnosis.validation.gain import FoldGain, HeldOutGain
 from hybridsurrogate.effects.registry import FORMS
@@ -33,13 +33,13 @@ def scan_of(before, after, error=0.1):
 def test_what_the_best_beta_says(after, words):
     scan = scan_of([-0.9, -0.5, -1.2], after)
     extended, plain = SimpleNamespace(extended=True), SimpleNamespace(extended=False)
-    assert words in weight.weight(extended, scan, None)[-1]
-    within, beyond = weight.weight(plain, scan, scan)[1:]
+    assert words in gain.weight(extended, scan, None)[-1]
+    within, beyond = gain.weight(plain, scan, scan)[1:]
     assert "Within the measured range the best is beta = 0.5" in within
     assert "Beyond it the best is beta = 0.5" in beyond
     unsure = scan_of([-0.9, -0.5, -1.2], after, error=0.4)
     same = after.index(max(after)) == 1
-    sentence = weight.weight(extended, unsure, None)[-1]
+    sentence = gain.weight(extended, unsure, None)[-1]
     assert ("as good within the errors" in sentence) is not same
 
 
@@ -108,13 +108,20 @@ def test_the_words_for_what_runs_leave_open():
     assert "differs from them by 163 times the noise there" in missed
 
 
+def view_of_fit(n_coefficients, n_hyper=0):
+    basis = SimpleNamespace(holds_runs=False, coefficient_mean=np.zeros(n_coefficients))
+    model = SimpleNamespace(n_unknowns=2, n_hyper=n_hyper, basis=basis)
+    posterior = SimpleNamespace(model=model, coefficients=np.zeros((1, n_coefficients)))
+    fit = SimpleNamespace(posterior_=posterior)
+    scans = SimpleNamespace(beta_scans=SimpleNamespace(models=(fit,)))
+    return SimpleNamespace(extended=True, result=SimpleNamespace(before=fit, extension=scans))
+
+
 def test_a_weight_that_takes_minutes_to_try_is_not_tried():
-    costly = SimpleNamespace(extended=True, has_weight=True, weight_takes_minutes=True)
-    assert "beta_scan(X, y) does it in minutes" in weight.weight(costly, None, None)[0]
-    quick = SimpleNamespace(extended=True, has_weight=True, weight_takes_minutes=False)
-    assert "report(beta_scan=True) does it in seconds" in weight.weight(quick, None, None)[0]
-    exact = SimpleNamespace(extended=True, has_weight=False)
-    assert weight.section(exact, None, None) == ()
+    costly, quick = view_of_fit(3, n_hyper=1), view_of_fit(3)
+    assert "beta_scan(X, y) does it in minutes" in gain.weight(costly, None, None)[0]
+    assert "report(beta_scan=True) does it in seconds" in gain.weight(quick, None, None)[0]
+    assert gain.section_on_weights(view_of_fit(0), None, None) == ()
 
 
 def test_digits():

@@ -692,7 +692,7 @@ def test_a_file_is_written_whole(diagnosed, tmp_path, monkeypatch):
         diagnosis.to_python(tmp_path)
     with pytest.raises(ValueError, match=r"there is no 'co2'; there are x, y, omega"):
         diagnosis.to_python(path, units={"co2": "ppm"})
-    with pytest.raises(TypeError, match="unit of 'x' must be text"):
+    with pytest.raises(TypeError, match="units must be a dict of names and units as text"):
         diagnosis.to_python(path, units={"x": 3})
     with pytest.raises(TypeError, match="units must be a dict"):
         diagnosis.to_python(path, units="ppm")

@@ -3,19 +3,21 @@
 from __future__ import annotations
 
 import math
-from functools import partial
 
 import pandas as pd
 
-from hybridsurrogate.diagnosis.answers.finding import is_compared
 from hybridsurrogate.diagnosis.checks.parameters import confounded, sentences_on_parameters
 from hybridsurrogate.diagnosis.checks.residuals import STRANGE
 from hybridsurrogate.diagnosis.checks.simulation import MOST_MISSED, advice_on_runs
 from hybridsurrogate.diagnosis.report.details import pictures
-from hybridsurrogate.diagnosis.report.details.evidence import probability_of_smooth_curve
+from hybridsurrogate.diagnosis.report.details.evidence import (
+    failing_causes,
+    needs_smooth_curve,
+    probability_of_smooth_curve,
+)
 from hybridsurrogate.diagnosis.report.details.gain import is_worse
 from hybridsurrogate.diagnosis.report.elements.section import Picture, Section, Table
-from hybridsurrogate.diagnosis.report.elements.view import SETTINGS, View, averaged
+from hybridsurrogate.diagnosis.report.elements.view import View, averaged
 from hybridsurrogate.model.posterior import KHAT_LIMIT
 from hybridsurrogate.numerics import digits
 
@@ -35,7 +37,7 @@ def section(view: View) -> Section:
             ),
             *_residuals(view),
         ),
-        pictures=(Picture(partial(pictures.picture_residuals, view)),),
+        pictures=(Picture(pictures.picture_residuals, view),),
     )
 
 
@@ -81,11 +83,8 @@ def _refinement(view: View) -> list[str]:
 
 
 def _draws(view: View) -> pd.DataFrame:
-    models = [("simulation", view.result.before)]
-    if view.extended:
-        models.append(("extended model", view.found))
     rows = []
-    for word, model in models:
+    for word, model in view.models.items():
         d = model.diagnostics_
         # several rounds of proposals may be worth more than the draws that are kept
         effective = min(d.effective_draws, model.n_draws)
@@ -163,31 +162,26 @@ def _residual_structure(view: View) -> list[str]:
             f"The residuals of the extended model {kind} (p = {digits.number(check.p_value, 2)}): "
             "something that the catalogue does not hold may be at work too."
         ]
-    share = probability_of_smooth_curve(view)
-    if result.conclusion.verdict == "nearest" or share > SETTINGS.smooth_curve_said:
+    if needs_smooth_curve(view):
+        share = digits.probability(probability_of_smooth_curve(view))
         return [
-            f"A smooth curve is needed in addition, with probability {digits.probability(share)}: "
+            f"A smooth curve is needed in addition, with probability {share}: "
             "something that the catalogue does not hold may be at work too."
         ]
     return []
 
 
 def _worse(view: View) -> list[str]:
-    result = view.result
-    if result.gain is not None and is_worse(result.gain):
-        return ["On held-out rows the extended model predicts worse than the simulation as it is."]
-    if result.gain_out_of_range is not None and is_worse(result.gain_out_of_range):
-        return [
-            "Beyond the measured range the extended model predicts worse than the simulation as "
-            "it is."
-        ]
-    return []
+    result, where = view.result, "On held-out rows"
+    if not is_worse(result.gain):
+        where = "Beyond the measured range" if is_worse(result.gain_out_of_range) else ""
+    worse = f"{where} the extended model predicts worse than the simulation as it is."
+    return [worse] if where else []
 
 
 def _failed_runs(view: View) -> list[str]:
     """Report that causes were compared only where the simulation runs."""
-    table = view.result.causes
-    failing = table[is_compared(table) & (table["note"] != "")]
+    failing = failing_causes(view)
     if failing.empty:
         return []
     itself = failing["kind"] == "none"
@@ -201,11 +195,8 @@ def _failed_runs(view: View) -> list[str]:
 
 
 def _doubtful_draws(view: View) -> list[str]:
-    models = [("simulation", view.result.before)]
-    if view.extended:
-        models.append(("extended model", view.found))
     return [
         f"The draws of the {word} are doubtful: {'; '.join(problems)}."
-        for word, model in models
+        for word, model in view.models.items()
         if (problems := model.diagnostics_.problems())
     ]

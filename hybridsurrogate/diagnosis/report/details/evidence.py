@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from functools import partial
-
 import numpy as np
 import pandas as pd
 
@@ -45,7 +43,7 @@ def section(view: View) -> Section:
         f"{n} causes compared, {len(left)} not applicable",
         tuple(sentences),
         tables=tuple(shown),
-        pictures=(Picture(partial(pictures.picture_causes, view)),),
+        pictures=(Picture(pictures.picture_causes, view),),
     )
 
 
@@ -58,6 +56,18 @@ def probability_of_smooth_curve(view: View) -> float:
     place = [w.cause is cause for w in search.candidates].index(True)
     share = float(search.remainder[place])
     return share if np.isfinite(share) else 0.0
+
+
+def needs_smooth_curve(view: View) -> bool:
+    """Return whether the causes that were found leave something to explain."""
+    nearest = view.result.conclusion.verdict == "nearest"
+    return nearest or probability_of_smooth_curve(view) > SETTINGS.likely
+
+
+def failing_causes(view: View) -> pd.DataFrame:
+    """Return the rows of the table of causes with which the simulation does not run everywhere."""
+    table = view.result.causes
+    return table[is_compared(table) & (table["note"] != "")]
 
 
 def _conditional(view: View) -> str:
@@ -130,16 +140,15 @@ def _outside(view: View) -> list[str]:
 
 
 def _failing(view: View) -> list[str]:
-    table = view.result.causes
-    failing = table[is_compared(table) & (table["note"] != "")]
+    failing = failing_causes(view)
     out = []
     columns = ["kind", "target", "form", "note"]
-    for kind, target, form, note in failing[columns].head(SETTINGS.most_notes).to_numpy():
+    for kind, target, form, note in failing[columns].head(SETTINGS.most_kinds).to_numpy():
         variant = form.removeprefix(kind).removeprefix(": ")
         under = "As it is" if kind == "none" else f"With {label(kind, target, variant)}"
         out.append(f"{under} {note}.")
-    if len(failing) > SETTINGS.most_notes:
-        out.append(f"The notes in causes_ list {len(failing) - SETTINGS.most_notes} more.")
+    if len(failing) > SETTINGS.most_kinds:
+        out.append(f"The notes in causes_ list {len(failing) - SETTINGS.most_kinds} more.")
     return out
 
 

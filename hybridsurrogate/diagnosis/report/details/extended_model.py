@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from functools import partial
-
 from hybridsurrogate.diagnosis.answers.finding import parameter_course
 from hybridsurrogate.diagnosis.report.details.pictures import picture_course
 from hybridsurrogate.diagnosis.report.elements.section import Picture, Section, Table
@@ -45,8 +43,7 @@ def _courses(view: View) -> tuple[Picture, ...]:
     if table.empty:
         return ()
     return tuple(
-        Picture(partial(picture_course, view, own))
-        for _, own in table.groupby("parameter", sort=False)
+        Picture(picture_course, view, own) for _, own in table.groupby("parameter", sort=False)
     )
 
 
@@ -76,8 +73,9 @@ def _code(view: View) -> str:
 def _sentences(view: View) -> list[str]:
     out = [f"{meaning}." for _, cause in view.findings if (meaning := _meaning(view, cause))]
     if view.log_scale:
+        likelihood = view.result.search.problem.likelihood.name
         out.append(
-            f"Under the {view.likelihood} likelihood the cause acts on log {view.output}: adding "
+            f"Under the {likelihood} likelihood the cause acts on log {view.output}: adding "
             f"0.1 there makes {view.output} larger by a factor of 1.105."
         )
     if len(view.findings) > 1:

@@ -1,19 +1,20 @@
-"""What the extension is worth on held-out rows: tables and what they mean."""
+"""What the extension is worth on held-out rows, and which weight beta the simulation deserves."""
 
 from __future__ import annotations
 
 import math
 from collections import Counter
 from collections.abc import Mapping
-from functools import partial
 
 import pandas as pd
 
 from hybridsurrogate.diagnosis.report.details import pictures
 from hybridsurrogate.diagnosis.report.elements.section import Picture, Section, Table
 from hybridsurrogate.diagnosis.report.elements.view import View
+from hybridsurrogate.diagnosis.validation.beta_scan import has_weight, is_slow
 from hybridsurrogate.diagnosis.validation.gain import COVERAGE_LEVEL, HALF, HeldOutGain
 from hybridsurrogate.numerics import digits
+from hybridsurrogate.scoring.scores import last_of_the_best
 
 _EXPLAINED = (
     "The log score (ELPD) is the logarithm of the probability density that a model gave to a "
@@ -32,7 +33,11 @@ def section(view: View, gains: Mapping[str, HeldOutGain | None]) -> Section:
     """
     known = {name: gain for name, gain in gains.items() if gain is not None}
     if not known:
-        return Section("Gain in detail", "not measured", (_not_measured(),))
+        how = (
+            "The gain was not measured by cross-validation. Fit with cv=5, or give held-out rows: "
+            "report(test=(X_test, y_test))."
+        )
+        return Section("Gain in detail", "not measured", (how,))
     sentences = [_EXPLAINED, *(f"{_rows(view, n, g)}: {judgement(g)}." for n, g in known.items())]
     sentences += [
         f"{name.capitalize()}: of the extended model's 90 % intervals "
@@ -41,7 +46,7 @@ def section(view: View, gains: Mapping[str, HeldOutGain | None]) -> Section:
     ]
     sentences += [
         f"{name.capitalize()}: the search was repeated without the held-out rows; its folds chose "
-        f"{_chosen(gain)}."
+        f"{digits.listing([f'{kind} ({n})' for kind, n in Counter(gain.kinds).most_common()])}."
         for name, gain in known.items()
         if gain.kinds
     ]
@@ -55,7 +60,7 @@ def section(view: View, gains: Mapping[str, HeldOutGain | None]) -> Section:
     )
     counted = [f"{len(g.folds)} folds {n}" if g.folds else f"{g.n_rows} rows held out by you"
                for n, g in known.items()]  # fmt: skip
-    picture = Picture(partial(pictures.picture_gain, known))
+    picture = Picture(pictures.picture_gain, known)
     return Section(
         "Gain in detail", ", ".join(counted), tuple(sentences), tables=tables, pictures=(picture,)
     )
@@ -110,10 +115,11 @@ def is_better(gain: HeldOutGain) -> bool:
     return math.isfinite(error) and error > 0 and gain.elpd_difference > 2 * error
 
 
-def is_worse(gain: HeldOutGain) -> bool:
-    """Return whether the model after predicts worse, by more than two standard errors."""
-    error = gain.standard_error
-    return math.isfinite(error) and gain.elpd_difference < -2 * error
+def is_worse(gain: HeldOutGain | None) -> bool:
+    """Return whether the model after predicts worse, by two standard errors; False of None."""
+    if gain is None or not math.isfinite(gain.standard_error):
+        return False
+    return gain.elpd_difference < -2 * gain.standard_error
 
 
 def coverage_word(gain: HeldOutGain) -> str:
@@ -139,12 +145,70 @@ def _rows(view: View, name: str, gain: HeldOutGain) -> str:
     return f"On the rows that you held out ({gain.n_rows} rows)"
 
 
-def _chosen(gain: HeldOutGain) -> str:
-    return digits.listing([f"{kind} ({n})" for kind, n in Counter(gain.kinds).most_common()])
+def section_on_weights(
+    view: View, within: pd.DataFrame | None, beyond: pd.DataFrame | None
+) -> tuple[Section, ...]:
+    """Return the section, nothing where there is no weight to choose.
+
+    Parameters
+    ----------
+    view : View
+    within, beyond : pandas.DataFrame or None
+        Held-out scores over beta, within the measured range and beyond it.
+    """
+    if within is None and not has_weight(view.result.before):
+        return ()
+    hint = "not tried" if within is None else "scores over beta"
+    drawn = () if within is None else (Picture(pictures.picture_weight, within, beyond),)
+    sentences = tuple(weight(view, within, beyond))
+    return (Section("Weight of the simulation", hint, sentences, pictures=drawn),)
 
 
-def _not_measured() -> str:
+def weight(view: View, within: pd.DataFrame | None, beyond: pd.DataFrame | None) -> list[str]:
+    """Report how much the simulation should count against the data, before and after."""
+    if within is None:
+        does_it = "report(beta_scan=True) does it in seconds"
+        if any(map(is_slow, view.result.extension.beta_scans.models)):
+            does_it = "beta_scan(X, y) does it in minutes"
+        return [
+            "The surrogate is fitted anew at every weight. Which one suits was not tried: "
+            f"{does_it}."
+        ]
+    out = [
+        "The weight beta sets how much the simulation's runs count against the measured data: 0 is "
+        "the data only, 1 the simulation only. Tried on held-out rows: "
+        f"{digits.listing([f'{beta:g}' for beta in within['beta']])}.",
+        _best_weight(view, within, "Within the measured range"),
+    ]
+    if beyond is not None:
+        out.append(_best_weight(view, beyond, "Beyond it"))
+    return out
+
+
+def _best_weight(view: View, scan: pd.DataFrame, where: str) -> str:
+    before, after = (scan.iloc[last_of_the_best(scan[word])] for word in ("before", "after"))
+    if not view.extended:
+        return f"{where} the best is beta = {before['beta']:g} (score {before['before']:.3f})."
+    moved = float(after["beta"]) - float(before["beta"])
+    if moved and not _distinct(scan, float(before["beta"]), float(after["beta"])):
+        meaning = "the two are as good within the errors of the scores"
+    elif moved > 0:
+        meaning = "with its fault named the simulation deserves more weight"
+    elif moved == 0:
+        meaning = "naming the fault does not raise the weight that the simulation deserves"
+    else:
+        meaning = "even with its fault named the simulation deserves less weight than before"
     return (
-        "The gain was not measured by cross-validation. Fit with cv=5, or give held-out rows: "
-        "report(test=(X_test, y_test))."
+        f"{where} the best weight is beta = {before['beta']:g} before the extension (score "
+        f"{before['before']:.3f}) and beta = {after['beta']:g} after it ({after['after']:.3f}): "
+        f"{meaning}."
+    )
+
+
+def _distinct(scan: pd.DataFrame, before: float, after: float) -> bool:
+    """Return whether either model does worse at the other's best weight, by two standard errors."""
+    at = scan.set_index("beta")
+    return any(
+        at.loc[best, word] - at.loc[other, word] > 2 * at.loc[other, f"{word}_error"]
+        for word, best, other in (("before", before, after), ("after", after, before))
     )

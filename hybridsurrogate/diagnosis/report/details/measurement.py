@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from functools import partial
-
 import numpy as np
 
 from hybridsurrogate.diagnosis.report.details import pictures
@@ -11,6 +9,7 @@ from hybridsurrogate.diagnosis.report.elements.section import Picture, Section
 from hybridsurrogate.diagnosis.report.elements.tables import noise_of
 from hybridsurrogate.diagnosis.report.elements.view import SETTINGS, View, label_of
 from hybridsurrogate.numerics import digits
+from hybridsurrogate.plotting.style import LITTLE_INFORMATION
 
 _SCALE = "1 bit decides between two explanations that are equally probable."
 
@@ -23,7 +22,7 @@ def section(view: View) -> Section:
         "What to measure next",
         f"worth {worth} bits",
         tuple(_sentences(view, worth)),
-        pictures=(Picture(partial(pictures.picture_next, view)),),
+        pictures=(Picture(pictures.picture_next, view),),
     )
 
 
@@ -39,7 +38,7 @@ def _sentences(view: View, worth: str) -> list[str]:
     first, *others = view.alternatives(asked)
     if not others:
         return ["There is one explanation only: nothing to separate."]
-    if result.next_measurement.information < SETTINGS.little_information:
+    if result.next_measurement.information < LITTLE_INFORMATION:
         why = (
             "the data have decided between them"
             if asked.probability.max() > SETTINGS.decided

@@ -1,6 +1,9 @@
-"""The pictures of the folded sections: which numbers go into which Axes."""
+"""The pictures of a report, first that of the first screen: which numbers go into which Axes."""
 
 from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -9,12 +12,102 @@ from matplotlib.axes import Axes
 from hybridsurrogate import plotting
 from hybridsurrogate.diagnosis.answers.experimental_design import information_at
 from hybridsurrogate.diagnosis.report.elements.section import Drawn, logarithmic, rendered
-from hybridsurrogate.diagnosis.report.elements.view import View, label_of
+from hybridsurrogate.diagnosis.report.elements.view import SETTINGS, View, label_of
 from hybridsurrogate.diagnosis.validation.beta_scan import best_beta
 from hybridsurrogate.diagnosis.validation.gain import COVERAGE_LEVEL, HeldOutGain
 from hybridsurrogate.effects.context import MOST_EXPERIMENTS
 from hybridsurrogate.numerics import digits
-from hybridsurrogate.plotting import AFTER, BEFORE
+from hybridsurrogate.plotting import AFTER, BEFORE, Predicted
+from hybridsurrogate.types import FloatArray
+
+# rows held out: a table and its outputs, checked
+Test = tuple[Any, FloatArray] | None
+
+
+def overview(view: View, test: Test = None, axes: Sequence[Axes] | None = None) -> list[Axes]:
+    """Draw data, simulation and extended model, and the residuals of both below.
+
+    Parameters
+    ----------
+    view : View
+    test : (X_test, y_test) or None
+        Rows that were held out.
+    axes : sequence of two matplotlib Axes, default=None
+    """
+    return _drawn(view, test, axes)[0]
+
+
+def picture_overview(view: View, test: Test = None) -> Drawn:
+    """Return the picture with its caption and numbers."""
+    axes, table, low = _drawn(view, test, None)
+    since = f"From {view.name} = {digits.number(low)} on. " if low is not None else ""
+    lines = "the calibrated simulation (blue)"
+    if view.extended:
+        lines += " and the extended model (orange)"
+    held = "; circles: held out, seen by no fit" if test is not None else ""
+    return rendered(
+        axes,
+        f"{since}Above: measurements (dots), {lines} with 90 % intervals{held}. Below: the "
+        "residuals.",
+        table,
+    )
+
+
+def _drawn(
+    view: View, test: Test, axes: Sequence[Axes] | None
+) -> tuple[list[Axes], pd.DataFrame, float | None]:
+    """Return Axes, the numbers at the measured rows, and where the picture begins, if later."""
+    held = None
+    if test is not None:
+        rows, values = view.held_back(test)
+        held = rows[:, view.shown], values
+    low = _start(view, held)
+    shown = np.ones(len(view.x), dtype=bool) if low is None else view.x >= low
+    x, y = view.x[shown], view.y[shown]
+    last = x if held is None else np.concatenate([x, held[0]])
+    models = [view.result.before]
+    if view.extended:
+        models.append(view.result.extension.estimator)
+    table = pd.DataFrame({view.name: x, f"measured {view.output}": y})
+    drawn = []
+    for name, model in zip(("simulation", "extended model"), models, strict=False):
+        residual = y - view.predicted(model, view.X)[shown]
+        at_rows = view.prediction(model, view.X[shown])
+        table[name], table[f"{name}, lower 90 %"] = at_rows.mean, at_rows.lower90
+        table[f"{name}, upper 90 %"], table[f"{name}, residual"] = at_rows.upper90, residual
+        curve, at = at_rows, x
+        if view.is_curve:
+            rows = view.grid(float(last.min()), float(last.max()), n=500)
+            curve, at = view.prediction(model, rows), rows[:, view.shown]
+        drawn.append(Predicted(at, curve, residual))
+    axes = plotting.plot_overview(
+        x,
+        y,
+        drawn[0],
+        drawn[1] if view.extended else None,
+        held,
+        view.is_curve,
+        (view.axis(view.name), view.axis(view.output), f"residual ({view.unit_of(view.output)})"),
+        axes,
+        None if view.y_err is None else view.y_err[shown],
+        None if view.side is None else view.side[shown],
+    )
+    logarithmic(axes[0], view, y)
+    return axes, table, low
+
+
+def _start(view: View, held: tuple[FloatArray, FloatArray] | None) -> float | None:
+    """Return where the picture begins so that cycles can be seen; None: at the first row."""
+    if not view.is_curve:
+        return None
+    periods = [
+        finding.estimates["period"][0]
+        for finding, cause in view.findings
+        if "period" in finding.estimates and getattr(cause, "column", view.name) == view.name
+    ]
+    end = float(view.x.max() if held is None else max(view.x.max(), held[0].max()))
+    start = end - SETTINGS.most_periods * min(periods, default=np.inf)
+    return start if start > float(view.x.min()) and np.sum(view.x >= start) > 1 else None
 
 
 def picture_discrepancy(view: View) -> Drawn:
@@ -22,14 +115,12 @@ def picture_discrepancy(view: View) -> Drawn:
     (ax,) = axes = plotting.new_axes(height=3.4)
     band = view.band
     if band.column == view.name:
-        values = band.grid[:, view.shown]
-        plotting.plot_discrepancy(ax, values, band.mean, band.lower, band.upper)
+        plotting.plot_discrepancy(ax, view.band_x, band.mean, band.lower, band.upper)
         plotting.plot_measured(ax, view.x, band.residual, "measured - simulated")
     else:
         # the smooth curve is one over the inputs and does not know the column that matters
         _draw_column(ax, view)
-    log = "log " if view.log_scale else ""
-    plotting.tidy(ax, view.axis(view.name), f"{log}measured - {log}simulated")
+    plotting.tidy(ax, view.axis(view.name), f"{view.log}measured - {view.log}simulated")
     return rendered(axes, _described(view))
 
 
@@ -72,16 +163,13 @@ def picture_experiments(view: View, column: str) -> Drawn:
     for ax in axes[len(levels) :]:
         ax.remove()
     axes = axes[: len(levels)]
-    limit = max(np.max(np.abs(ax.get_ylim())) for ax in axes)
-    for ax in axes:
-        ax.set_ylim(-limit, limit)
-    log = "log " if view.log_scale else ""
+    _center(axes)
     figure = axes[0].figure
-    figure.supylabel(f"{log}measured - {log}simulated {view.output}", fontsize="medium")
+    figure.supylabel(f"{view.log}measured - {view.log}simulated {view.output}", fontsize="medium")
     figure.legend(*axes[0].get_legend_handles_labels(), loc="outside upper right", ncols=2)
     return rendered(
         axes,
-        f"For each {column}: {log}measured minus {log}simulated {view.output} over "
+        f"For each {column}: {view.log}measured minus {view.log}simulated {view.output} over "
         f"{view.columns[shown]} as dots, and what the extended model adds to the calibrated "
         "simulation as a line.",
     )
@@ -114,8 +202,7 @@ def picture_output(view: View) -> Drawn:
     plotting.tidy(top, "", view.axis(view.output))
     left = view.working_residuals(view.found)
     plotting.plot_residuals(bottom, view.x, left, colour, "residual")
-    log = "log " if view.log_scale else ""
-    plotting.tidy(bottom, view.axis(view.name), f"{log}measured - {log}predicted", False)
+    plotting.tidy(bottom, view.axis(view.name), f"{view.log}measured - {view.log}predicted", False)
     rms = digits.number(float(np.sqrt(np.mean(left**2))), 3)
     return rendered(
         axes,
@@ -126,7 +213,7 @@ def picture_output(view: View) -> Drawn:
 
 def picture_causes(view: View) -> Drawn:
     """Draw the probabilities of the causes."""
-    candidates, probabilities = zip(*view.most_probable, strict=True)
+    candidates, probabilities = zip(*view.candidates[: SETTINGS.most_causes], strict=True)
     names = [label_of(candidate) for candidate in candidates]
     chosen = next((k for k, one in enumerate(candidates) if one.cause is view.cause), None)
     axes = plotting.new_axes(height=1.0 + 0.32 * len(names))
@@ -138,28 +225,27 @@ def picture_causes(view: View) -> Drawn:
 
 def picture_residuals(view: View) -> Drawn:
     """Draw residuals before and after over the shown column, and their quantiles."""
-    models = [("before", view.result.before, BEFORE, "o")]
-    if view.extended:
-        models.append(("after", view.found, AFTER, "s"))
-    n = len(models)
+    looks = (("before", BEFORE, "o"), ("after", AFTER, "s"))
+    n = len(view.models)
     axes = plotting.new_axes(2, n, width=7.0 if n > 1 else 4.5, height=5.4)
-    log = "log " if view.log_scale else ""
     sizes = []
-    for k, (word, model, colour, mark) in enumerate(models):
+    for k, (model, (word, colour, mark)) in enumerate(
+        zip(view.models.values(), looks, strict=False)
+    ):
         residual = view.working_residuals(model)
-        sizes.append(float(np.sqrt(np.mean(residual**2))))
+        sizes.append(f"{digits.number(float(np.sqrt(np.mean(residual**2))), 3)} {word}")
         plotting.plot_residuals(axes[k], view.x, residual, colour, word)
         plotting.tidy(
-            axes[k], view.axis(view.name), f"{log}measured - {log}predicted", False, ticks=5
+            axes[k],
+            view.axis(view.name),
+            f"{view.log}measured - {view.log}predicted",
+            False,
+            ticks=5,
         )
         plotting.plot_quantiles(axes[n + k], view.standardised(model), colour, mark, word)
     for row in (axes[:n], axes[n:]):
-        limit = max(np.max(np.abs(ax.get_ylim())) for ax in row)
-        for ax in row:
-            ax.set_ylim(-limit, limit)
-    text = " and ".join(
-        f"{digits.number(size, 3)} {word}" for size, (word, *_) in zip(sizes, models, strict=True)
-    )
+        _center(row)
+    text = " and ".join(sizes)
     return rendered(
         axes,
         f"Above: residuals over {view.name}, their root mean square {text}. Below: standardised "
@@ -207,16 +293,17 @@ def picture_next(view: View) -> Drawn:
     place = view.result.next_measurement.place
     view = view.of(place["output"]) if view.stacking is not None else view
     at = np.array([place[name] for name in view.columns])
-    low, high = view.simulated_range()
-    rows = view.grid(min(low, at[view.shown]), max(high, at[view.shown]), at)
+    here = at[view.shown]
+    simulated = view.result.before.simulation.input_ranges.get(view.name, ())
+    ends = [*simulated, view.x.min(), view.x.max(), here]
+    rows = view.grid(min(ends), max(ends), at)
     x = rows[:, view.shown]
     found = view.result.asked
     alternatives = view.alternatives(found)
     means = [view.expected(found, one, rows) for one in alternatives]
     axes = plotting.new_axes(2, 1, height=5.0, share=True)
-    plotting.plot_alternatives(
-        axes[0], x, means, [label_of(one) for one in alternatives], at[view.shown]
-    )
+    names = [label_of(one) for one in alternatives]
+    plotting.plot_alternatives(axes[0], x, means, names, here)
     if view.is_curve:
         plotting.plot_measured(axes[0], view.x, view.y)
     logarithmic(axes[0], view, view.y)
@@ -224,13 +311,12 @@ def picture_next(view: View) -> Drawn:
     plotting.share_range(axes[:1], np.concatenate([view.y, near]))
     plotting.tidy(axes[0], "", view.axis(view.output))
     information = information_at(found, view.single(rows))
-    plotting.plot_information(axes[1], x, information, at[view.shown])
+    plotting.plot_information(axes[1], x, information, here)
     plotting.tidy(axes[1], view.axis(view.name), "information\nin bits", legend=False)
-    text = digits.listing([label_of(one) for one in alternatives])
     return rendered(
         axes,
-        f"What the alternatives predict over {view.name}: {text}. A vertical line marks "
-        f"{view.name} = {digits.number(float(at[view.shown]))}, where one more measurement would "
+        f"What the alternatives predict over {view.name}: {digits.listing(names)}. A vertical "
+        f"line marks {view.name} = {digits.number(float(here))}, where one more measurement would "
         "best separate them.",
     )
 
@@ -251,6 +337,13 @@ def picture_weight(within: pd.DataFrame, beyond: pd.DataFrame | None) -> Drawn:
         "Held-out log density per row against beta before and after the extension; "
         f"{'; '.join(text)}.",
     )
+
+
+def _center(axes: Sequence[Axes]) -> None:
+    """Give Axes one range with zero in its middle."""
+    limit = max(np.max(np.abs(ax.get_ylim())) for ax in axes)
+    for ax in axes:
+        ax.set_ylim(-limit, limit)
 
 
 def _draw_column(ax: Axes, view: View) -> None:
@@ -280,9 +373,9 @@ def _draw_model(
 ) -> None:
     if view.is_curve:
         rows = view.grid(low, high)
-        predicted = view.prediction(model, view.as_given(rows))
+        predicted = view.prediction(model, rows)
         plotting.plot_prediction(ax, rows[:, view.shown], predicted, colour, name)
     else:
         # with several columns a curve would belong to rows that nobody measured
-        predicted = view.prediction(model, view.as_given(view.X))
+        predicted = view.prediction(model, view.X)
         plotting.plot_prediction(ax, view.x, predicted, colour, name, curve=False)

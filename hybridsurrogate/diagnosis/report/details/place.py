@@ -1,27 +1,23 @@
-"""Where in the measured range the simulation is wrong, and by how much."""
+"""Where in the measured range the simulation is wrong, by how much, and in which outputs."""
 
 from __future__ import annotations
-
-from functools import partial
 
 import numpy as np
 
 from hybridsurrogate.diagnosis.answers.discrepancy import Third
 from hybridsurrogate.diagnosis.report.details import pictures
 from hybridsurrogate.diagnosis.report.elements.section import Picture, Section, Table
-from hybridsurrogate.diagnosis.report.elements.tables import third_table, thirds
-from hybridsurrogate.diagnosis.report.elements.view import View
+from hybridsurrogate.diagnosis.report.elements.tables import output_table, third_table, thirds
+from hybridsurrogate.diagnosis.report.elements.view import SETTINGS, View, label_of_cause
 from hybridsurrogate.numerics import digits
-
-_MOST_STRETCHES = 4
 
 
 def section(view: View) -> Section:
     """Return the section."""
     experiments = pictures.experiment_column(view)
-    drawn = [Picture(partial(pictures.picture_discrepancy, view))]
+    drawn = [Picture(pictures.picture_discrepancy, view)]
     if experiments is not None:
-        drawn.append(Picture(partial(pictures.picture_experiments, view, experiments)))
+        drawn.append(Picture(pictures.picture_experiments, view, experiments))
     table = third_table(view)
     caption = "Share of the squared change by thirds of each measured range"
     return Section(
@@ -102,9 +98,8 @@ def _sentences(view: View) -> list[str]:
 
 def _curve(view: View) -> str:
     band = view.band
-    values = band.grid[:, view.columns.index(band.column)]
     elsewhere = "" if view.is_curve else ", the other columns at their medians"
-    stretches = [s for s in band.stretches(values) if s[1] > s[0]]
+    stretches = [s for s in band.stretches(view.band_x) if s[1] > s[0]]
     if not stretches:
         return (
             "A smooth curve through the residuals of the simulation nowhere excludes zero "
@@ -112,12 +107,41 @@ def _curve(view: View) -> str:
         )
     spans = [
         f"{'above' if sign > 0 else 'below'} from {digits.number(low)} to {digits.number(high)}"
-        for low, high, sign in stretches[:_MOST_STRETCHES]
+        for low, high, sign in stretches[: SETTINGS.most_listed]
     ]
-    rest = len(stretches) - _MOST_STRETCHES
+    rest = len(stretches) - SETTINGS.most_listed
     more = f" and {rest} more stretches" if rest > 0 else ""
     return (
         "A smooth curve through the residuals of the simulation excludes zero (pointwise 90 % "
         f"band) over {digits.percent(band.share_outside)} of {band.column}{elsewhere}: "
         f"{', '.join(spans)}{more}."
     )
+
+
+def section_on_outputs(view: View) -> tuple[Section, ...]:
+    """Return the section, nothing for a single output."""
+    if view.stacking is None:
+        return ()
+    others = [view.of(name) for name in view.outputs if name != view.output]
+    return (
+        Section(
+            "Outputs one by one",
+            digits.listing(list(view.outputs)),
+            tuple(_of_outputs(view)),
+            tables=(Table(output_table(view), "Residuals and noise, root mean squares"),),
+            pictures=tuple(Picture(pictures.picture_output, one) for one in others),
+        ),
+    )
+
+
+def _of_outputs(view: View) -> list[str]:
+    """Report for each output whether a cause concerns it."""
+    out = []
+    for name in view.outputs:
+        own = [c for _, c in view.findings if c.output in (None, name)]
+        if not own:
+            out.append(f"{name}: the simulation stands as it is.")
+            continue
+        shared = "" if all(c.output is not None for c in own) else ", shared by all outputs"
+        out.append(f"{name}: {digits.listing([label_of_cause(c) for c in own])}{shared}.")
+    return out

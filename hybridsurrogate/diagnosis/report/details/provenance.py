@@ -28,6 +28,14 @@ _BIBTEX = """@article{reiser2024bayesian,
 def section(view: View) -> Section:
     """Return the section."""
     result = view.result
+    priors = result.before.simulation.parameters
+    units = [view.units.get(name, "") for name in priors]
+    prior_table = pd.DataFrame(
+        {"parameter": [*priors], "unit": units, "prior": [*map(_distribution, priors.values())]}
+    )
+    names = ["Python", "machine", *_PACKAGES]
+    there = [platform.python_version(), platform.platform(), *map(installed, _PACKAGES)]
+    versions = pd.DataFrame({"what": names, "version": there})
     return Section(
         "How this was computed",
         "settings, versions, priors, citation",
@@ -38,8 +46,8 @@ def section(view: View) -> Section:
         code=f"{result.settings.text}\n\n{_BIBTEX}",
         tables=(
             Table(_settings(result), "Settings of this diagnosis"),
-            Table(_priors(view), "Priors of the simulation's parameters"),
-            Table(_versions(), "Versions"),
+            Table(prior_table, "Priors of the simulation's parameters"),
+            Table(versions, "Versions"),
         ),
     )
 
@@ -69,21 +77,9 @@ def _settings(result: DiagnosisResult) -> pd.DataFrame:
     return pd.DataFrame(rows, columns=["setting", "value"])
 
 
-def _priors(view: View) -> pd.DataFrame:
-    priors = view.result.before.simulation.parameters
-    rows = [(name, view.units.get(name, ""), _distribution(p)) for name, p in priors.items()]
-    return pd.DataFrame(rows, columns=["parameter", "unit", "prior"])
-
-
 def _distribution(prior: Any) -> str:
     """Return a frozen distribution as the call that makes it."""
     name = getattr(getattr(prior, "dist", None), "name", type(prior).__name__)
     numbers = [f"{value:.6g}" for value in getattr(prior, "args", ())]
     numbers += [f"{key}={value:.6g}" for key, value in getattr(prior, "kwds", {}).items()]
     return f"{name}({', '.join(numbers)})"
-
-
-def _versions() -> pd.DataFrame:
-    rows = [("Python", platform.python_version()), ("machine", platform.platform())]
-    rows += [(name, installed(name)) for name in _PACKAGES]
-    return pd.DataFrame(rows, columns=["what", "version"])

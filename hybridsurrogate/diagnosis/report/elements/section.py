@@ -6,7 +6,7 @@ import io
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import matplotlib as mpl
 import numpy as np
@@ -42,16 +42,18 @@ class Picture:
     Parameters
     ----------
     draw : callable
-        Takes nothing and returns a `Drawn`.
+        Returns a `Drawn`.
+    *shown : Any
+        What it takes.
     """
 
-    def __init__(self, draw: Callable[[], Drawn]) -> None:
-        self._draw = draw
+    def __init__(self, draw: Callable[..., Drawn], *shown: Any) -> None:
+        self._draw, self._shown = draw, shown
 
     @cached_property
     def drawn(self) -> Drawn:
         """The picture itself."""
-        return self._draw()
+        return self._draw(*self._shown)
 
 
 class Card(NamedTuple):

@@ -9,9 +9,10 @@ import pandas as pd
 
 from hybridsurrogate.diagnosis.answers.discrepancy import Third, shares_of_thirds
 from hybridsurrogate.diagnosis.answers.finding import form_of
-from hybridsurrogate.diagnosis.report.elements.view import View
+from hybridsurrogate.diagnosis.report.elements.view import SETTINGS, View
 from hybridsurrogate.diagnosis.search.candidate import total_evidence
 from hybridsurrogate.effects.base import Cause
+from hybridsurrogate.effects.context import label_columns
 from hybridsurrogate.effects.noise.known_errors import SharedErrors
 from hybridsurrogate.effects.parameters.parameter_by_experiment import ParameterByExperiment
 from hybridsurrogate.numerics import digits
@@ -25,7 +26,7 @@ def compared_causes(view: View) -> pd.DataFrame:
     candidates = view.search.candidates
     evidence = total_evidence(candidates)
     above_none = {id(w): value - evidence[0] for w, value in zip(candidates, evidence, strict=True)}
-    shown = view.most_probable
+    shown = view.candidates[: SETTINGS.most_causes]
     return pd.DataFrame(
         {
             "cause": [form_of(w.cause) if w.cause else "nothing" for w, _ in shown],
@@ -40,7 +41,9 @@ def thirds(view: View) -> list[Third]:
     """Return where the extension changes the predictions; nothing without an extension."""
     if not any(cause.changes_output for _, cause in view.findings) or not np.any(view.change):
         return []
-    found = shares_of_thirds(view.X, view.change, view.columns, view.labels)
+    rows = dict(zip(view.columns, view.X.T, strict=True))
+    labels = label_columns(rows, len(view.inputs), view.result.before.experiment)
+    found = shares_of_thirds(view.X, view.change, view.columns, labels)
     # other columns than inputs and what a cause looks at have a share by accident
     matter = {*view.inputs, *(name for _, cause in view.findings for name in cause.reads)}
     return [third for third in found if third.column in matter]
@@ -65,10 +68,9 @@ def third_table(view: View) -> pd.DataFrame | None:
 def parameter_intervals(view: View) -> dict[str, dict[str, Interval]]:
     """Return mean and 90 % interval of parameters and noise, before and after the extension."""
     out: dict[str, dict[str, Interval]] = {}
-    models = (view.result.before, view.found)
     # what a cause replaces has its value there
     replaced = {cause.replaces for _, cause in view.findings}
-    for word, model in zip(("before", "after"), models, strict=True):
+    for word, model in (("before", view.result.before), ("after", view.found)):
         draws = model.posterior_.named()
         names = view.result.before.simulation.parameter_names
         for name in (*names, "noise_sigma" if "sigma" in names else "sigma", "jitter"):
@@ -116,12 +118,11 @@ def estimate_table(view: View) -> pd.DataFrame:
         for finding, cause in view.findings
         for name, limits in finding.estimates.items()
     ]
-    log = "log " if view.log_scale else ""
     for name, limits in parameter_intervals(view).items():
         shown, unit = ("noise", view.scale) if name == "sigma" else (name, view.units.get(name, ""))
         if view.stacking is not None and name.startswith("noise of "):
             output = name.removeprefix("noise of ")
-            unit = f"log {output}" if log else view.unit_of(output)
+            unit = f"log {output}" if view.log_scale else view.unit_of(output)
         before, after = (digits.interval(*limits[w]) if w in limits else "" for w in _WORDS)
         rows.append((shown, unit, before, after))
     table = pd.DataFrame(rows, columns=["quantity", "unit", *_WORDS])
@@ -200,7 +201,10 @@ def output_table(view: View) -> pd.DataFrame:
     rows = []
     for name in view.outputs:
         one = view.of(name)
-        left = [digits.number(float(np.sqrt(np.mean((one.y - p) ** 2)))) for p in one.both]
+        left = [
+            digits.number(float(np.sqrt(np.mean((one.y - p) ** 2))))
+            for p in (one.before, one.after)
+        ]
         noise = [digits.number(one.noise(model)) for model in models]
         rows.append((name, len(one.y), *left, *noise))
     columns = [
@@ -218,11 +222,3 @@ def rounded(table: pd.DataFrame, n: int) -> pd.DataFrame:
     for name in out.select_dtypes("number"):
         out[name] = [digits.number(float(x), n) if x == x else "" for x in out[name]]
     return out
-
-
-def records(table: pd.DataFrame) -> list[dict[str, object]]:
-    """Return the rows of a table by name, None where there is no number: JSON has no NaN."""
-    return [
-        {str(k): (None if v != v else v) for k, v in row.items()}
-        for row in table.to_dict("records")
-    ]

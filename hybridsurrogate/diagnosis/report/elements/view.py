@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -16,24 +16,21 @@ from hybridsurrogate.arguments import check_units
 from hybridsurrogate.diagnosis.fitting.result import DiagnosisResult
 from hybridsurrogate.diagnosis.search.candidate import Candidate
 from hybridsurrogate.diagnosis.search.search import Search, predict_locally
-from hybridsurrogate.diagnosis.validation.beta_scan import has_weight, is_slow
-from hybridsurrogate.diagnosis.validation.gain import in_one_word
 from hybridsurrogate.diagnosis.validation.refit import added_causes
 from hybridsurrogate.effects.base import Cause
-from hybridsurrogate.effects.context import label_columns
 from hybridsurrogate.estimators.averaged import AveragedSurrogate, leading
 from hybridsurrogate.estimators.power_scaled import PowerScaledSurrogate
-from hybridsurrogate.exceptions import did_you_mean
 from hybridsurrogate.likelihoods import Censored
 from hybridsurrogate.model.rows.stacking import Stacking
 from hybridsurrogate.numerics import digits
+from hybridsurrogate.plotting import Prediction
+from hybridsurrogate.plotting.style import FEW_VALUES
 from hybridsurrogate.simulation.outputs import OUTPUT
 from hybridsurrogate.types import FloatArray
 
 if TYPE_CHECKING:
     from hybridsurrogate.diagnosis.answers.discrepancy import Discrepancy
     from hybridsurrogate.diagnosis.answers.finding import CauseFinding
-    from hybridsurrogate.plotting import Prediction
 
 
 @dataclass(frozen=True)
@@ -42,39 +39,36 @@ class ReportSettings:
 
     Attributes
     ----------
-    smooth_curve_said : float
-        Probability of a smooth curve in addition to the causes from which on it is reported.
-    most_notes : int
-        Causes whose failing runs are reported one by one; the table of causes has all of them.
-    little_information : float
-        Expected information in bits below which one more measurement is hardly worth it.
+    likely : float
+        Probability from which on a smooth curve in addition to the causes, and the closest match
+        as what is wrong, are stated.
     decided : float
         Probability from which on a question needs no further measurement.
-    most_alternatives, most_causes : int
-        Alternatives in the text, and causes in the picture, at most.
+    most_kinds, most_listed : int
+        Kinds, and causes with failing runs, that a sentence lists; other things that one does.
+    most_causes : int
+        Causes in the table and in the picture, at most.
     worth_drawing : float
         Probability from which a cause is drawn.
     as_probable : float
         A form of the same kind with more than this share of the cause's probability may be it as
         well.
-    bins, few_levels : int
-        Bins of residuals; a column of at most so many values is drawn value by value.
+    bins : int
+        Of residuals.
     log_axis_decades : float
         A range so wide that small outputs would be a flat line.
     most_periods : int
         Periods of a cycle in the first picture, at most; more would be a block of colour.
     """
 
-    smooth_curve_said: float = 0.5
-    most_notes: int = 3
-    little_information: float = 0.07
+    likely: float = 0.5
     decided: float = 0.95
-    most_alternatives: int = 4
+    most_kinds: int = 3
+    most_listed: int = 4
     most_causes: int = 8
     worth_drawing: float = 0.005
     as_probable: float = 0.25
     bins: int = 5
-    few_levels: int = 12
     log_axis_decades: float = 1.5
     most_periods: int = 15
 
@@ -123,12 +117,6 @@ class View:
     def inputs(self) -> tuple[str, ...]:
         """Names of the simulation's inputs."""
         return self.result.before.simulation.input_names
-
-    @property
-    def labels(self) -> tuple[str, ...]:
-        """Names of the columns that label experiments."""
-        rows = dict(zip(self.columns, self.X.T, strict=True))
-        return label_columns(rows, len(self.inputs), self.result.before.experiment)
 
     @cached_property
     def _there(self) -> NDArray[np.bool_]:
@@ -191,9 +179,9 @@ class View:
         """The unit of what is added to the output: on a logarithmic scale that of its log."""
         return f"log {self.output}" if self.log_scale else self.unit_of(self.output)
 
-    def amount(self, value: float, n_digits: int = 2) -> str:
+    def amount(self, value: float) -> str:
         """Return a difference of the output with its unit, where one is given."""
-        text = digits.number(value, n_digits)
+        text = digits.number(value, 2)
         if self.log_scale:
             return f"{text} in log {self.output}"
         return f"{text} {self.units[self.output]}" if self.output in self.units else text
@@ -202,6 +190,11 @@ class View:
     def band(self) -> Discrepancy:
         """The smooth discrepancy of the output."""
         return self.result.extension.discrepancies[self.output]
+
+    @property
+    def band_x(self) -> FloatArray:
+        """The places of the smooth discrepancy on its column."""
+        return self.band.grid[:, self.columns.index(self.band.column)]
 
     def noise(self, model: Any) -> float:
         """Return the mean of the noise of the output in a fitted model, in its units."""
@@ -217,9 +210,9 @@ class View:
         return bool(self.result.search.problem.likelihood.log_scale)
 
     @property
-    def likelihood(self) -> str:
-        """The word for the likelihood."""
-        return self.result.search.problem.likelihood.name
+    def log(self) -> str:
+        """What stands before "measured" where the difference of logarithms is meant."""
+        return "log " if self.log_scale else ""
 
     @property
     def extended(self) -> bool:
@@ -232,14 +225,10 @@ class View:
         return leading(self.result.extension.estimator)
 
     @property
-    def has_weight(self) -> bool:
-        """Whether there is a surrogate for whose training runs and measurements compete."""
-        return has_weight(self.result.before)
-
-    @property
-    def weight_takes_minutes(self) -> bool:
-        """Whether a fit takes so long that a few weights take minutes."""
-        return any(map(is_slow, self.result.extension.beta_scans.models))
+    def models(self) -> dict[str, PowerScaledSurrogate]:
+        """The fitted models before and, where something was added, after, without averages."""
+        before = {"simulation": self.result.before}
+        return before | {"extended model": self.found} if self.extended else before
 
     @property
     def cause(self) -> Cause | None:
@@ -260,34 +249,23 @@ class View:
         found = zip(self.result.extension.found_causes, causes, strict=True)
         return [(finding, cause) for finding, cause in found if cause is not None]
 
-    @property
-    def kinds(self) -> str:
-        """Every accepted kind, in the form in which folds report their choices."""
-        return in_one_word([cause.kind for cause in self.result.extension.found_causes])
-
     @cached_property
     def before(self) -> FloatArray:
         """Predictions at the measured rows before the extension."""
-        return self.predicted(self.result.before, self.as_given(self.X))
+        return self.predicted(self.result.before, self.X)
 
     @cached_property
     def after(self) -> FloatArray:
         """Predictions at the measured rows after the extension."""
-        return self.predicted(self.result.extension.estimator, self.as_given(self.X))
+        return self.predicted(self.result.extension.estimator, self.X)
 
-    @property
-    def both(self) -> tuple[FloatArray, FloatArray]:
-        """Predictions at the measured rows before and after."""
-        return self.before, self.after
+    def predicted(self, model: Any, X: FloatArray) -> FloatArray:
+        """Return the predictions of the output at rows."""
+        return self.of_output(np.asarray(model.predict(self._as_given(X))))
 
-    def predicted(self, model: Any, rows: Any) -> FloatArray:
-        """Return the predictions of the output at rows as the user gives them."""
-        return self.of_output(np.asarray(model.predict(rows)))
-
-    def prediction(self, model: Any, rows: Any) -> Prediction:
-        """Return mean and central intervals of a fitted model at rows as the user gives them."""
-        from hybridsurrogate.plotting import Prediction
-
+    def prediction(self, model: Any, X: FloatArray) -> Prediction:
+        """Return mean and central intervals of a fitted model at rows."""
+        rows = self._as_given(X)
         values = [model.predict(rows), *model.predict_interval(rows, 0.5)]
         values += model.predict_interval(rows, 0.9)
         return Prediction(*map(self.of_output, values))
@@ -298,9 +276,7 @@ class View:
 
         In units of an output of several decades it would be large where the output is.
         """
-        models = self.result.before, self.found
-        before, after = (self.working_residuals(model) for model in models)
-        return before - after
+        return self.working_residuals(self.result.before) - self.working_residuals(self.found)
 
     @cached_property
     def shown(self) -> int:
@@ -331,7 +307,7 @@ class View:
         """Whether predictions are a curve over the one column there is."""
         return len(self.columns) == 1
 
-    def as_given(self, X: FloatArray) -> Any:
+    def _as_given(self, X: FloatArray) -> Any:
         """Return rows whose simulation inputs come first as the user's columns."""
         estimator = self.result.before
         rows = np.empty_like(X)
@@ -348,29 +324,18 @@ class View:
         y = self.of_output(np.asarray(test[1], dtype=float))
         return rows[np.isfinite(y)], y[np.isfinite(y)]
 
-    def simulated_range(self) -> tuple[float, float]:
-        """Return the range of the shown column that was simulated, or else measured."""
-        ranges = self.result.before.simulation.input_ranges
-        low, high = ranges.get(self.name, (self.x.min(), self.x.max()))
-        return min(low, float(self.x.min())), max(high, float(self.x.max()))
-
     def grid(
         self, low: float, high: float, at: FloatArray | None = None, n: int = 400
     ) -> FloatArray:
         """Return rows that vary the shown column, the others at their medians or at one row."""
         known = np.unique(self.x)
-        few = self.name not in self.inputs and len(known) <= SETTINGS.few_levels
+        few = self.name not in self.inputs and len(known) <= FEW_VALUES
         # between its few values a column such as a batch means nothing
         values = known if few else np.linspace(low, high, n)
         row = np.median(self.X, axis=0) if at is None else at
         rows = np.repeat(row[None], len(values), axis=0)
         rows[:, self.shown] = values
         return rows
-
-    @property
-    def most_probable(self) -> list[tuple[Candidate, float]]:
-        """The first few of all causes that were compared, with their probabilities."""
-        return self.candidates[: SETTINGS.most_causes]
 
     @property
     def candidates(self) -> list[tuple[Candidate, float]]:
@@ -381,7 +346,7 @@ class View:
 
     def alternatives(self, result: Search) -> list[Candidate]:
         """Return the most probable explanations, at least two where there are two."""
-        order = np.argsort(-result.probability, kind="stable")[: SETTINGS.most_alternatives]
+        order = np.argsort(-result.probability, kind="stable")[: SETTINGS.most_listed]
         return [
             result.candidates[k]
             for place, k in enumerate(order)
@@ -420,9 +385,8 @@ class View:
     @cached_property
     def _residuals(self) -> dict[int, tuple[FloatArray, FloatArray]]:
         """Residuals of either model on the scale of eta, and standardised, both from one eta."""
-        models = self.result.before, self.found
         rows, y = self.single(self.X), self.y / self.unit
-        found = {id(model): _residuals_of(model, rows, y) for model in models}
+        found = {id(model): _residuals_of(model, rows, y) for model in self.models.values()}
         # what is divided by a scale is not on a logarithmic one
         return {key: (self.unit * working, z) for key, (working, z) in found.items()}
 
@@ -439,15 +403,9 @@ def view_of(result: DiagnosisResult, units: Mapping[str, str] | None = None) -> 
     TypeError
         For units that are no dict of text.
     """
-    view = View(result, units=check_units(units))
-    simulation = result.before.simulation
+    view, simulation = View(result), result.before.simulation
     known = [*view.columns, *view.outputs, *simulation.parameter_names, *simulation.assumed_names]
-    unknown = [name for name in view.units if name not in known]
-    if unknown:
-        raise ValueError(
-            f"units has {unknown}, which is no column, output or parameter: these are {known}."
-            f"{did_you_mean(unknown, known)}"
-        )
+    view = replace(view, units=check_units(units, known))
     if view.stacking is None:
         return view
     if view.cause is not None and view.cause.output is not None:
