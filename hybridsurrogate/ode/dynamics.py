@@ -6,7 +6,6 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hybridsurrogate.exceptions import did_you_mean
 from hybridsurrogate.numerics import hilbert
@@ -14,8 +13,38 @@ from hybridsurrogate.simulation.modification import Modification, Numbers
 from hybridsurrogate.types import FloatArray
 
 
+def _check_known(missing: str, name: str, known: Sequence[str]) -> None:
+    """Raise ValueError, that begins with what is missing, for another name than the known ones."""
+    if name not in known:
+        raise ValueError(f"{missing} {name!r}; there are {list(known)}.{did_you_mean(name, known)}")
+
+
 @dataclass(frozen=True)
-class CoupledStore(Modification):
+class _OfParameter(Modification):
+    """A course in time of a parameter of the right-hand side."""
+
+    parameter: str
+
+    is_in_time = True
+
+    def check(self, rates: Sequence[str], states: Sequence[str]) -> None:
+        """Raise ValueError where the right-hand side does not take the parameter."""
+        _check_known("rhs has no parameter", self.parameter, rates)
+
+
+@dataclass(frozen=True)
+class _OfState(Modification):
+    """A change in the slope of a state."""
+
+    state: str
+
+    def check(self, rates: Sequence[str], states: Sequence[str]) -> None:
+        """Raise ValueError where there is no such state."""
+        _check_known("There is no state", self.state, states)
+
+
+@dataclass(frozen=True)
+class CoupledStore(_OfState):
     """A state z that the equations lack and that exchanges with one of their states, x.
 
     ``dx/dt = ... - k (x - z)`` and ``dz/dt = k / ratio (x - z)``: the wall of a heated box, the
@@ -36,8 +65,10 @@ class CoupledStore(Modification):
     {'air_store_ratio': 0.0, 'air_store_scale': 1.0, 'air_store_gap': 0.0}
     """
 
-    state: str
     prefix: str | None = None
+
+    sizes = ("ratio",)
+    is_in_time = True
 
     @property
     def label(self) -> str:
@@ -50,23 +81,9 @@ class CoupledStore(Modification):
         return {"ratio": 0.0, "scale": 1.0, "gap": 0.0}
 
     @property
-    def sizes(self) -> tuple[str, ...]:
-        """The ratio."""
-        return ("ratio",)
-
-    @property
-    def is_in_time(self) -> bool:
-        """Its scale is a time."""
-        return True
-
-    @property
     def couples_to(self) -> str:
         """The state with which it exchanges."""
         return self.state
-
-    def check(self, rates: Sequence[str], states: Sequence[str]) -> None:
-        """Raise ValueError where there is no such state."""
-        check_state(self.state, states)
 
     def begins(self, state: FloatArray, numbers: Numbers) -> FloatArray:
         """Return the unseen state at the start, (m,)."""
@@ -85,7 +102,7 @@ _MOST = 5.0
 
 
 @dataclass(frozen=True)
-class WanderingParameter(Modification):
+class WanderingParameter(_OfParameter):
     """A parameter p that becomes p exp(c(t)) in the right-hand side, c a sum of waves.
 
     Parameters
@@ -99,7 +116,6 @@ class WanderingParameter(Modification):
         What the full names of the numbers begin with; None: the parameter and "process".
     """
 
-    parameter: str
     low: float
     high: float
     n: int
@@ -119,19 +135,6 @@ class WanderingParameter(Modification):
     def sizes(self) -> tuple[str, ...]:
         """The coefficients of the waves."""
         return wave_names(self.n)
-
-    @property
-    def is_in_time(self) -> bool:
-        """It is a course in time."""
-        return True
-
-    def check(self, rates: Sequence[str], states: Sequence[str]) -> None:
-        """Raise ValueError where the right-hand side does not take the parameter."""
-        if self.parameter not in rates:
-            raise ValueError(
-                f"rhs has no parameter {self.parameter!r}; it has {list(rates)}."
-                f"{did_you_mean(self.parameter, rates)}"
-            )
 
     def factors(self, t: FloatArray, numbers: Numbers, step: float) -> dict[str, FloatArray]:
         """Return the factor on the parameter, (k, m)."""
@@ -154,7 +157,7 @@ FORMS = ("constant", "proportional", "seasonal", "power", "saturating", "thresho
 
 
 @dataclass(frozen=True)
-class TimeVaryingParameter(Modification):
+class TimeVaryingParameter(_OfParameter):
     """A parameter or assumed constant p that becomes p (1 + amount s(t)) in the right-hand side.
 
     The initial state and what is observed keep p itself.
@@ -189,7 +192,6 @@ class TimeVaryingParameter(Modification):
     {'rate_step_amount': 0.0, 'rate_step_location': 0.0}
     """
 
-    parameter: str
     shape: str
     prefix: str | None = None
     center: float = 0.0
@@ -216,26 +218,13 @@ class TimeVaryingParameter(Modification):
         """The amount, the rate, or sine and cosine."""
         return _SHAPES[self.shape].sizes
 
-    @property
-    def is_in_time(self) -> bool:
-        """It is a course in time."""
-        return True
-
-    def check(self, rates: Sequence[str], states: Sequence[str]) -> None:
-        """Raise ValueError where the right-hand side does not take the parameter."""
-        if self.parameter not in rates:
-            raise ValueError(
-                f"rhs has no parameter {self.parameter!r}; it has {list(rates)}."
-                f"{did_you_mean(self.parameter, rates)}"
-            )
-
     def factors(self, t: FloatArray, numbers: Numbers, step: float) -> dict[str, FloatArray]:
         """Return the factor on the parameter."""
         return {self.parameter: 1 + _course(self.shape, t, self.center, numbers, step)}
 
 
 @dataclass(frozen=True)
-class MissingTerm(Modification):
+class MissingTerm(_OfState):
     """A term that the right-hand side lacks in the slope of one state.
 
     Parameters
@@ -269,7 +258,6 @@ class MissingTerm(Modification):
     {'i_proportional_rate': 0.0}
     """
 
-    state: str
     form: str
     prefix: str | None = None
     center: float = 0.0
@@ -301,25 +289,22 @@ class MissingTerm(Modification):
     @property
     def sizes(self) -> tuple[str, ...]:
         """The rate, or sine and cosine."""
-        return ("sine", "cosine") if self._is_seasonal else ("rate",)
+        return ("sine", "cosine") if self.is_in_time else ("rate",)
 
     @property
     def is_in_time(self) -> bool:
         """Whether it has a period."""
-        return self._is_seasonal
-
-    @property
-    def _is_seasonal(self) -> bool:
         return self.form == "seasonal"
 
     def check(self, rates: Sequence[str], states: Sequence[str]) -> None:
         """Raise ValueError where there is no such state."""
-        for name in filter(None, (self.state, self.other)):
-            check_state(name, states)
+        super().check(rates, states)
+        if self.other is not None:
+            _check_known("There is no state", self.other, states)
 
     def drives(self, t: FloatArray, numbers: Numbers, step: float) -> dict[str, FloatArray]:
         """Return the term, where it does not follow the state."""
-        if self._is_seasonal:
+        if self.is_in_time:
             return {self.state: _course("periodic", t, self.center, numbers, step)}
         if self.form == "constant":
             return {self.state: np.broadcast_to(numbers["rate"], (len(t), len(numbers["rate"])))}
@@ -355,7 +340,7 @@ _OF_STATE: dict[str, Callable[[FloatArray, FloatArray, Numbers, float], FloatArr
 
 
 @dataclass(frozen=True)
-class DelayedState(Modification):
+class DelayedState(_OfState):
     """A right-hand side that follows one state as it was a lag ago, in all slopes.
 
     Before the start the state is what it is there. The method of the simulator must be "rk4".
@@ -373,9 +358,9 @@ class DelayedState(Modification):
     {'i_delayed_lag': 0.0}
     """
 
-    state: str
     prefix: str | None = None
 
+    sizes = ("lag",)
     looks_back = True
 
     @property
@@ -388,34 +373,18 @@ class DelayedState(Modification):
         """A lag of zero."""
         return {"lag": 0.0}
 
-    @property
-    def sizes(self) -> tuple[str, ...]:
-        """The lag."""
-        return ("lag",)
-
-    def check(self, rates: Sequence[str], states: Sequence[str]) -> None:
-        """Raise ValueError where there is no such state."""
-        check_state(self.state, states)
-
     def lags(self, numbers: Numbers) -> dict[str, FloatArray]:
         """Return the lag."""
         return {self.state: numbers["lag"]}
-
-
-def check_state(state: str, states: Sequence[str]) -> None:
-    """Raise ValueError where there is no such state."""
-    if state not in states:
-        raise ValueError(
-            f"There is no state {state!r}; the states are {list(states)}."
-            f"{did_you_mean(state, states)}"
-        )
 
 
 def _course(name: str, t: FloatArray, center: float, numbers: Numbers, step: float) -> FloatArray:
     """Return sizes times curves (k, m) of a shape at times t (k, 1)."""
     shape = _SHAPES[name]
     # the dear part: solutions that differ in other numbers, as slopes need, share it
-    own, which = _distinct(np.stack([numbers[number] for number in shape.curved]))
+    bent = np.stack([numbers[number] for number in shape.curved])
+    own, which = np.unique(bent, axis=1, return_inverse=True)
+    which = which.ravel()
     curves = shape.curves(t - center, t, dict(zip(shape.curved, own, strict=True)), step)
     course = np.zeros((len(t), len(which)))
     for size, curve in zip(shape.sizes, curves, strict=True):
@@ -425,12 +394,6 @@ def _course(name: str, t: FloatArray, center: float, numbers: Numbers, step: flo
             moved *= numbers[size]
         course += moved
     return course
-
-
-def _distinct(numbers: FloatArray) -> tuple[FloatArray, NDArray[np.intp]]:
-    """Return the distinct columns of numbers (k, m), and which of them each column is."""
-    distinct, which = np.unique(numbers, axis=1, return_inverse=True)
-    return distinct, which.ravel()
 
 
 @dataclass(frozen=True)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import inspect
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import count
 from typing import Any
@@ -126,11 +126,6 @@ class OdeFunction:
     def __name__(self) -> str:
         return str(getattr(self.rhs, "__name__", type(self.rhs).__name__))
 
-    @property
-    def used(self) -> set[str]:
-        """What at least one of the functions takes."""
-        return {*self.rate_names, *self.start_names, *self.observe_names}
-
     def __call__(self, **columns: FloatArray) -> FloatArray:
         """Return the outputs."""
         return self.outputs(columns)[0]
@@ -146,8 +141,8 @@ class OdeFunction:
                 solutions.at_rows(rows), {name: columns[name][rows] for name in self.observe_names}
             )
 
-        several = len(self.outputs_seen) > 1
-        return self._in_batches(columns, observed, (len(self.outputs_seen),) if several else ())
+        k = len(self.outputs_seen)
+        return self._in_batches(columns, observed, (k,) if k > 1 else ())
 
     def _observed(self, states: FloatArray, given: StateColumns) -> FloatArray:
         """Return what observe makes of states (n_states, m): (m,), of several outputs (k, m)."""
@@ -211,7 +206,7 @@ class OdeFunction:
             rows = slice(ends[low], ends[high])
             try:
                 with np.errstate(all="ignore"):
-                    values = take(solutions.part(low, high), columns, rows)
+                    values = take(solutions.some(slice(low, high), low), columns, rows)
                 out[..., rows] = np.where(np.isfinite(values), values, np.nan)
             except WrongShapeError:
                 raise
@@ -241,7 +236,8 @@ class OdeFunction:
         n = len(columns[self.time])
         first = np.arange(n) if first is None else first
         member = first if member is None else member
-        used = {name: columns[name][first] for name in self.used}
+        names = {*self.rate_names, *self.start_names, *self.observe_names}
+        used = {name: columns[name][first] for name in names}
         active = []
         for change in self.modifications:
             numbers = {
@@ -270,22 +266,14 @@ class _Solutions:
     # why some of them failed
     said: list[str] = field(default_factory=list)
 
-    def part(self, low: int, high: int) -> _Solutions:
-        values = {name: column[low:high] for name, column in self.values.items()}
-        active = [
-            (change, {name: column[low:high] for name, column in numbers.items()})
-            for change, numbers in self.active
-        ]
-        return _Solutions(self.ode, values, active, self.times, self.member, low, self.said)
+    def some(self, which: slice | NDArray[np.intp], first: int = 0) -> _Solutions:
+        """Return solutions by number, a number perhaps several times; the first of them."""
 
-    def named(self, which: NDArray[np.intp]) -> _Solutions:
-        """Return solutions by number, a number perhaps several times."""
-        values = {name: column[which] for name, column in self.values.items()}
-        active = [
-            (change, {name: column[which] for name, column in numbers.items()})
-            for change, numbers in self.active
-        ]
-        return _Solutions(self.ode, values, active, self.times, self.member, 0)
+        def taken(columns: Mapping[str, FloatArray]) -> dict[str, FloatArray]:
+            return {name: column[which] for name, column in columns.items()}
+
+        active = [(change, taken(numbers)) for change, numbers in self.active]
+        return replace(self, values=taken(self.values), active=active, first=first)
 
     def __len__(self) -> int:
         return len(next(iter(self.values.values()))) if self.values else int(self.member[-1]) + 1
@@ -442,7 +430,7 @@ class _Solutions:
         """Whether the right-hand side gives for times (k,) what it gives for each of them."""
         several = np.linspace(self.ode.start, self.ode.start + self.ode.span, _TIMES_TRIED)
         which = np.arange(_TIMES_TRIED) % len(self)
-        state, some = self.initial()[:, which], self.named(which)
+        state, some = self.initial()[:, which], self.some(which)
         try:
             at_once = some.slope(several, state, _NO_DRIVE)
             each = [some.slope(t, state, _NO_DRIVE)[:, k] for k, t in enumerate(several.tolist())]
@@ -464,12 +452,12 @@ class _Solutions:
 
         def slope(t: FloatArray, state: FloatArray, which: NDArray[np.intp]) -> FloatArray:
             if together:
-                return self.named(which).slope(t, state, _NO_DRIVE)
+                return self.some(which).slope(t, state, _NO_DRIVE)
             key = which.tobytes()
             if key not in groups:
                 if len(groups) >= _GROUPS:
                     groups.clear()
-                groups[key] = self.named(which)
+                groups[key] = self.some(which)
             return groups[key].slope(float(t[0]), state, None if self.active else _NO_DRIVE)
 
         start = self.initial()

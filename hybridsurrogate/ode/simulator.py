@@ -196,7 +196,7 @@ class OdeSimulator(Simulator):
             int(max_steps),
             tuple(map(float, sizes)),
         )
-        unused = [name for name in names if name not in function.used]
+        unused = [name for name in names if name not in {*rates, *first, *seen}]
         if unused:
             raise TypeError(
                 f"{', '.join(unused)}: neither rhs nor initial_state nor observe has an argument "
@@ -257,21 +257,29 @@ class OdeSimulator(Simulator):
         >>> stops([1.0, 4.0], [[1.0, -1.0, 2.0], [1.0, -1.0, 2.0]]).round(3)
         array([0.368, 0.135])
         """
-        return OdeSimulator(
-            self.rhs,
-            self.initial_state,
-            self.observe,
-            self.input_ranges,
-            {**self.parameters, **(parameters or {})},
-            self.assumed,
-            self.states,
-            self.outputs,
-            self.method,
-            self.function.step if self.method == "rk4" else self.max_step,
-            (*self.modifications, *modifications),
-            self.max_steps,
-            self.function.sizes,
+        return self._like(
+            parameters={**self.parameters, **(parameters or {})},
+            modifications=(*self.modifications, *modifications),
         )
+
+    def _like(self, **changes: Any) -> OdeSimulator:
+        """Return a simulator with the settings of this one but for some."""
+        settings: dict[str, Any] = {
+            "rhs": self.rhs,
+            "initial_state": self.initial_state,
+            "observe": self.observe,
+            "inputs": self.input_ranges,
+            "parameters": self.parameters,
+            "assumed": self.assumed,
+            "states": self.states,
+            "output": self.outputs,
+            "method": self.method,
+            "max_step": self.function.step if self.method == "rk4" else self.max_step,
+            "modifications": self.modifications,
+            "max_steps": self.max_steps,
+            "sizes": self.function.sizes,
+        }
+        return OdeSimulator(**settings | changes)
 
     def single_output(self, scale: FloatArray) -> OdeSimulator:
         """Return the simulation with one output a row, `OUTPUT` its last input.
@@ -282,21 +290,8 @@ class OdeSimulator(Simulator):
             By which outputs are divided.
         """
         observe = ObserveOne(self.observe, self.function.observe_names, self.outputs, scale)
-        return OdeSimulator(
-            self.rhs,
-            self.initial_state,
-            observe,
-            {**self.input_ranges, OUTPUT: (0.0, len(self.outputs) - 1.0)},
-            self.parameters,
-            self.assumed,
-            self.states,
-            self.output,
-            self.method,
-            self.function.step if self.method == "rk4" else self.max_step,
-            self.modifications,
-            self.max_steps,
-            self.function.sizes,
-        )
+        inputs = {**self.input_ranges, OUTPUT: (0.0, len(self.outputs) - 1.0)}
+        return self._like(observe=observe, inputs=inputs, output=self.output)
 
     def solution(self, X: ArrayLike, omega: ArrayLike | None = None) -> FloatArray:
         """Return the states (n_states, n) for rows as in calling the simulator."""
@@ -332,13 +327,9 @@ class OdeSimulator(Simulator):
 
     def _medians(self, n: int) -> dict[str, FloatArray]:
         """Return n equal rows in the middle of the inputs and at the medians of the priors."""
-        middle = {name: (low + high) / 2 for name, (low, high) in self.input_ranges.items()}
-        values = {
-            **middle,
-            **{name: float(prior.median()) for name, prior in self.parameters.items()},
-            **{name: constant.value for name, constant in self.assumed.items()},
-        }
-        return {name: np.full(n, value) for name, value in values.items()}
+        names = (*self.input_names, *self.parameter_ranges)
+        middle = zip(names, self._typical_point(), strict=True)
+        return {name: np.full(n, value) for name, value in middle}
 
     def _typical(self) -> dict[str, FloatArray]:
         """Return solutions at the medians of the priors and over nine tenths of them, by times."""

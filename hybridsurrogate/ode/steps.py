@@ -47,14 +47,13 @@ def chosen(function: OdeFunction, columns: StateColumns, span: float) -> OdeFunc
     if found.good and found.known.all():
         return replace(function, step=span / found.n_steps)
     stiff = replace(function, method="rosenbrock", max_steps=min(_QUICK, function.max_steps))
-    first = {name: values[: _times(function, columns)] for name, values in columns.items()}
-    stiff = sized(stiff, first)
-    if not (stiff.sizes and _known(_solved(stiff, first)).all()):
+    stiff = sized(stiff, columns)
+    known = _known(_solved(stiff, columns)) if stiff.sizes else np.zeros(1, dtype=bool)
+    if not known[0]:
         return with_step(function, columns, span)
-    solutions = _solved(stiff, columns)
-    if found.good and _known(solutions).sum() <= found.known.sum():
+    if found.good and known.sum() <= found.known.sum():
         return replace(function, step=span / found.n_steps)
-    lost = ~_known(solutions)
+    lost = ~known
     if lost.any():
         warnings.warn(
             f"Of {len(lost)} solutions from the priors {int(lost.sum())} were not finished in "
@@ -71,16 +70,15 @@ def sized(function: OdeFunction, columns: StateColumns) -> OdeFunction:
 
     Sizes are how far states go at the medians of the priors; none where that solution fails.
     """
-    n = _times(function, columns)
-    first = {name: values[:n] for name, values in columns.items()}
+    n_times = _shape(function, columns)[1]
+    first = {name: values[:n_times] for name, values in columns.items()}
     start = np.abs(function.solution({name: values[:1] for name, values in first.items()})[:, 0])
     size = np.full(len(start), np.max(start, initial=0.0) or 1.0)
     for _ in range(_ROUNDS):
         fine = _solved(replace(function, sizes=tuple(map(float, size))), first)[:, 0]
         if not np.isfinite(fine).all():
             return replace(function, sizes=())
-        before, size = size, extent(fine)
-        size = np.maximum(size, max(_ROUNDING * float(np.max(size)), np.finfo(float).tiny))
+        before, size = size, _sizes_of(fine)
         if np.all(np.abs(np.log10(size / before)) < 1):
             break
     return replace(function, sizes=tuple(map(float, size)))
@@ -150,7 +148,7 @@ def _ladder(function: OdeFunction, columns: StateColumns, span: float, most: int
 def _solved(function: OdeFunction, columns: StateColumns) -> FloatArray:
     """Return solutions (n_states, n_solutions, n_times)."""
     out = function.solution(columns)
-    return out.reshape(len(out), _n_solutions(function, columns), -1)
+    return out.reshape(len(out), *_shape(function, columns))
 
 
 def warn_if_too_long(function: OdeFunction, columns: StateColumns) -> None:
@@ -161,18 +159,22 @@ def warn_if_too_long(function: OdeFunction, columns: StateColumns) -> None:
     _warn(_change(coarse, fine, _known(fine)), function.step, "max_step")
 
 
-def _n_solutions(function: OdeFunction, columns: StateColumns) -> int:
+def _shape(function: OdeFunction, columns: StateColumns) -> tuple[int, int]:
+    """Return the numbers of solutions and of times."""
     times = columns[function.time]
-    return int(np.sum(times == times[0]))
-
-
-def _times(function: OdeFunction, columns: StateColumns) -> int:
-    return len(columns[function.time]) // _n_solutions(function, columns)
+    n_solutions = int(np.sum(times == times[0]))
+    return n_solutions, len(times) // n_solutions
 
 
 def _known(solutions: FloatArray) -> NDArray[np.bool_]:
     """Return which solutions (n_states, n_solutions, n_times) are finite."""
     return np.asarray(np.isfinite(solutions).all(axis=(0, 2)))
+
+
+def _sizes_of(solutions: FloatArray) -> FloatArray:
+    """Return the extent of states (..., n) over n times, (...), of none less than rounding."""
+    size = extent(solutions)
+    return np.maximum(size, max(_ROUNDING * float(np.max(size)), np.finfo(float).tiny))
 
 
 def _change(coarse: FloatArray, fine: FloatArray, known: NDArray[np.bool_]) -> float:
@@ -181,9 +183,7 @@ def _change(coarse: FloatArray, fine: FloatArray, known: NDArray[np.bool_]) -> f
     if not fine.size:
         return 0.0
     with np.errstate(all="ignore"):
-        size = extent(fine)[..., None]
-        size = np.maximum(size, max(_ROUNDING * float(np.max(size)), np.finfo(float).tiny))
-        change = np.abs(coarse - fine) / size
+        change = np.abs(coarse - fine) / _sizes_of(fine)[..., None]
     return float(np.max(np.where(np.isfinite(change), change, np.inf)))
 
 
