@@ -14,9 +14,9 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from hybridsurrogate.inference.conjugate.target import PowerScaledPosterior
 from hybridsurrogate.inference.sampling.settings import SETTINGS
 from hybridsurrogate.likelihoods.base import Likelihood
-from hybridsurrogate.model.observation import MeasuredModel
 from hybridsurrogate.model.rows.measured_data import ObservedRows, SimulatedRows
 from hybridsurrogate.model.statistics import (
     ROUNDING,
@@ -26,7 +26,7 @@ from hybridsurrogate.model.statistics import (
     statistics,
 )
 from hybridsurrogate.numerics.linear_algebra import LARGE_BLOCK, blocks, log_det_of, nudged_cholesky
-from hybridsurrogate.types import FloatArray, Prior
+from hybridsurrogate.types import FloatArray
 
 
 @dataclass(frozen=True)
@@ -245,49 +245,26 @@ _LOG_2PI = float(np.log(2 * np.pi))
 
 
 @dataclass(frozen=True)
-class LaplacePosterior:
+class LaplacePosterior(PowerScaledPosterior):
     """Power-scaled posterior of all unknowns under any likelihood.
+
+    Its y are for starting points alone.
 
     Attributes
     ----------
-    model : MeasuredModel
-    X, y, weights : ndarray of shape (n, n_columns), (n,), (n,)
-        Measured rows, y on the scale of eta (for starting points), powers relative to
-        ``measured_power``.
     observed : ndarray of shape (n,)
         y as measured.
     likelihood : Likelihood
     runs : SimulatedRows or None
-    simulation_power, measured_power : float
-    noise_prior : prior of sigma
-    scale : float
-        Spread of the output on the scale of eta.
     """
 
-    model: MeasuredModel
-    X: FloatArray
-    y: FloatArray
-    weights: FloatArray
     observed: FloatArray
     likelihood: Likelihood
     runs: SimulatedRows | None
-    simulation_power: float
-    measured_power: float
-    noise_prior: Prior
-    scale: float
-
-    @property
-    def n_dimensions(self) -> int:
-        """Length of u."""
-        return self.model.n_unknowns + self.model.n_hyper + 1
 
     is_exact = False
     # each value of the approximation is optimised, and is as rough as that is exact
     step_share = 0.5
-
-    def with_model(self, model: MeasuredModel) -> LaplacePosterior:
-        """Return the same posterior of another model."""
-        return replace(self, model=model)
 
     def run_statistics(self, hyper: FloatArray) -> Statistics | None:
         """Return the statistics of the runs in the features at hyperparameters (n_hyper,)."""
