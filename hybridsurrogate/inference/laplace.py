@@ -178,9 +178,9 @@ def gaussian_fit(whole: Design, sigma: FloatArray, width_rounds: int) -> Gaussia
     if v.shape[1] and any(part.likelihood.rough for part in whole.parts):
         for _ in range(width_rounds):
             v, _ = _climb(design, sigma, v, SETTINGS.width_steps)
-            design = design.widened(_factor(design, sigma, v))
+            design = design.widened(nudged_cholesky(_derivatives(design, sigma, v)[1]))
     v, height = _climb(design, sigma, v, SETTINGS.newton_steps)
-    factor = _factor(design, sigma, v)
+    factor = nudged_cholesky(_derivatives(design, sigma, v)[1])
     return GaussianFit(whole, v, factor, log_det_of(factor), height)
 
 
@@ -216,29 +216,22 @@ def _smoothed_density(design: Design, sigma: FloatArray, v: FloatArray) -> Float
     return prior_log_density(v) + design.log_likelihood(sigma, v, smoothed=True)
 
 
-def _newton_step(design: Design, sigma: FloatArray, v: FloatArray) -> FloatArray:
-    gradient, hessian = -v, _identity(v)
+def _derivatives(design: Design, sigma: FloatArray, v: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return the gradient (J, p) and minus the Hessian (J, p, p) of `_smoothed_density`."""
+    gradient, hessian = -v, np.broadcast_to(np.eye(v.shape[1]), (*v.shape, v.shape[1]))
     for part in design.parts:
         score, curvature = part.derivatives(sigma, v)
         gradient = gradient + part.back(score)
         hessian = hessian + part.gram(curvature)
+    return gradient, hessian
+
+
+def _newton_step(design: Design, sigma: FloatArray, v: FloatArray) -> FloatArray:
+    gradient, hessian = _derivatives(design, sigma, v)
     # rows far off may count so much that the prior is lost in rounding, and columns are alike
     factor = nudged_cholesky(hessian)
     half = np.linalg.solve(factor, gradient[..., None])
     return np.linalg.solve(np.swapaxes(factor, 1, 2), half)[..., 0]
-
-
-def _factor(design: Design, sigma: FloatArray, v: FloatArray) -> FloatArray:
-    hessian = _identity(v)
-    if not v.shape[1]:
-        return hessian
-    for part in design.parts:
-        hessian = hessian + part.gram(part.derivatives(sigma, v)[1])
-    return nudged_cholesky(hessian)
-
-
-def _identity(v: FloatArray) -> FloatArray:
-    return np.broadcast_to(np.eye(v.shape[1]), (*v.shape, v.shape[1]))
 
 
 _LOG_2PI = float(np.log(2 * np.pi))

@@ -100,16 +100,9 @@ def conditional_draws(
         return np.where(np.isfinite(out), out, -np.inf)
 
     start = np.hstack([u[:, :m], u[:, -1:], a / sd])
-    moved = moved_draws(log_density, start, random_state, effort)
-    points = moved.points
-    return MeasuredDraws(
-        points[:, :m],
-        np.exp(points[:, m]),
-        points[:, m + 1 :] * sd,
-        np.nan,
-        moved.accepted,
-        "moves",
-    )
+    points, accepted = moved_draws(log_density, start, random_state, effort)
+    z, sigma, columns = points[:, :m], np.exp(points[:, m]), points[:, m + 1 :] * sd
+    return MeasuredDraws(z, sigma, columns, np.nan, accepted, "moves")
 
 
 # noises that are tried, and nats by which one must be better
@@ -194,8 +187,8 @@ def moved_step(
     def log_density(u: FloatArray, which: NDArray[np.intp]) -> FloatArray:
         return log_density_of_pairs(problem, u, which)
 
-    moved = moved_draws(log_density, start, random_state, effort)
-    return _drawn(problem, moved.points, np.nan, moved.accepted, "moves", random_state)
+    u, accepted = moved_draws(log_density, start, random_state, effort)
+    return _drawn(problem, u, np.nan, accepted, "moves", random_state)
 
 
 def _with_wider_noise(log_density: LogDensity, starts: FloatArray, scale: float) -> FloatArray:

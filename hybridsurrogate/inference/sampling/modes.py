@@ -45,7 +45,7 @@ def starting_points(
         model.basis.given(hyper), target.run_statistics(hyper), target.simulation_power
     )
     model = replace(model, basis=model.basis.given(hyper))
-    sigma = float(np.exp(base[0, -1]))
+    sigma, size, floor = float(np.exp(base[0, -1])), 10 * target.scale, ROUNDING * target.scale
     causes: tuple[Cause, ...] = ()
     for cause in model.effects:
         causes = (*causes, cause)
@@ -53,16 +53,12 @@ def starting_points(
         grid = make_grid(partial)
         before_it, z = z, np.concatenate([z, grid.neutral[len(z) :]])
         rows = partial, target.X, target.y, emulator
-        grid = shortened(*rows, grid, z, sigma, 10 * target.scale)
+        grid = shortened(*rows, grid, z, sigma, size)
         for round_ in range(SETTINGS.noise_refits):
-            mode = optimise(
-                partial, target.X, target.y, emulator, grid, z, sigma, 10 * target.scale
-            )
+            mode = optimise(*rows, grid, z, sigma, size)
             z = mode.z.copy()
             if not round_:
-                floor = ROUNDING * target.scale
-                args = partial, target.X, target.y, emulator, grid
-                best = best_of_global_starts(*args, before_it, z, floor)
+                best = best_of_global_starts(*rows, grid, before_it, z, floor)
                 if best is not None:
                     z = best
                     continue
@@ -70,7 +66,7 @@ def starting_points(
                 priors = [partial.priors[k] for k in grid.nodes]
                 z[grid.nodes] = to_normal(priors, grid.points[mode.node])
             before = sigma
-            sigma = max(float(np.sqrt(mode.squares / len(target.y))), ROUNDING * target.scale)
+            sigma = max(float(np.sqrt(mode.squares / len(target.y))), floor)
             if sigma > SETTINGS.converged_noise * before:
                 break
     return np.array([[*z, *z_hyper, np.log(sigma * factor)] for factor in (1.0, 2.0)])
