@@ -232,14 +232,6 @@ class KrigedBasis(Basis):
         """Return the terms plus the process."""
         return self._terms(X, omega) + self._through_runs(X, omega)
 
-    def features(self, X: FloatArray, omega: FloatArray) -> FloatArray:
-        """Return no features."""
-        return np.empty((len(X), 0))
-
-    def output(self, X: FloatArray, omega: FloatArray, c: FloatArray) -> FloatArray:
-        """Return the terms plus the process."""
-        return self.known(X, omega)
-
     def output_close_by(
         self, X: FloatArray, omega: FloatArray, c: FloatArray, shape: tuple[int, int, int]
     ) -> FloatArray:
@@ -357,14 +349,6 @@ class KrigedCurves(Basis):
     ) -> FloatArray:
         """Return the most probable output."""
         return self.emulator.output(X, omega)
-
-    def features(self, X: FloatArray, omega: FloatArray) -> FloatArray:
-        """Return no features."""
-        return np.empty((len(X), 0))
-
-    def output(self, X: FloatArray, omega: FloatArray, c: FloatArray) -> FloatArray:
-        """Return the most probable output."""
-        return self.known(X, omega)
 
     def outer_output(self, X: FloatArray, omega: FloatArray, c: FloatArray) -> FloatArray:
         """Return the output of all inputs for all parameters."""

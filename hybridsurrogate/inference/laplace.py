@@ -14,9 +14,9 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from hybridsurrogate.inference.conjugate.target import PowerScaledPosterior
 from hybridsurrogate.inference.sampling.settings import SETTINGS
 from hybridsurrogate.likelihoods.base import Likelihood
-from hybridsurrogate.model.observation import MeasuredModel
 from hybridsurrogate.model.rows.measured_data import ObservedRows, SimulatedRows
 from hybridsurrogate.model.statistics import (
     ROUNDING,
@@ -26,7 +26,7 @@ from hybridsurrogate.model.statistics import (
     statistics,
 )
 from hybridsurrogate.numerics.linear_algebra import LARGE_BLOCK, blocks, log_det_of, nudged_cholesky
-from hybridsurrogate.types import FloatArray, Prior
+from hybridsurrogate.types import FloatArray
 
 
 @dataclass(frozen=True)
@@ -178,9 +178,9 @@ def gaussian_fit(whole: Design, sigma: FloatArray, width_rounds: int) -> Gaussia
     if v.shape[1] and any(part.likelihood.rough for part in whole.parts):
         for _ in range(width_rounds):
             v, _ = _climb(design, sigma, v, SETTINGS.width_steps)
-            design = design.widened(_factor(design, sigma, v))
+            design = design.widened(nudged_cholesky(_derivatives(design, sigma, v)[1]))
     v, height = _climb(design, sigma, v, SETTINGS.newton_steps)
-    factor = _factor(design, sigma, v)
+    factor = nudged_cholesky(_derivatives(design, sigma, v)[1])
     return GaussianFit(whole, v, factor, log_det_of(factor), height)
 
 
@@ -216,78 +216,48 @@ def _smoothed_density(design: Design, sigma: FloatArray, v: FloatArray) -> Float
     return prior_log_density(v) + design.log_likelihood(sigma, v, smoothed=True)
 
 
-def _newton_step(design: Design, sigma: FloatArray, v: FloatArray) -> FloatArray:
-    gradient, hessian = -v, _identity(v)
+def _derivatives(design: Design, sigma: FloatArray, v: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return the gradient (J, p) and minus the Hessian (J, p, p) of `_smoothed_density`."""
+    gradient, hessian = -v, np.broadcast_to(np.eye(v.shape[1]), (*v.shape, v.shape[1]))
     for part in design.parts:
         score, curvature = part.derivatives(sigma, v)
         gradient = gradient + part.back(score)
         hessian = hessian + part.gram(curvature)
+    return gradient, hessian
+
+
+def _newton_step(design: Design, sigma: FloatArray, v: FloatArray) -> FloatArray:
+    gradient, hessian = _derivatives(design, sigma, v)
     # rows far off may count so much that the prior is lost in rounding, and columns are alike
     factor = nudged_cholesky(hessian)
     half = np.linalg.solve(factor, gradient[..., None])
     return np.linalg.solve(np.swapaxes(factor, 1, 2), half)[..., 0]
 
 
-def _factor(design: Design, sigma: FloatArray, v: FloatArray) -> FloatArray:
-    hessian = _identity(v)
-    if not v.shape[1]:
-        return hessian
-    for part in design.parts:
-        hessian = hessian + part.gram(part.derivatives(sigma, v)[1])
-    return nudged_cholesky(hessian)
-
-
-def _identity(v: FloatArray) -> FloatArray:
-    return np.broadcast_to(np.eye(v.shape[1]), (*v.shape, v.shape[1]))
-
-
 _LOG_2PI = float(np.log(2 * np.pi))
 
 
 @dataclass(frozen=True)
-class LaplacePosterior:
+class LaplacePosterior(PowerScaledPosterior):
     """Power-scaled posterior of all unknowns under any likelihood.
+
+    Its y are for starting points alone.
 
     Attributes
     ----------
-    model : MeasuredModel
-    X, y, weights : ndarray of shape (n, n_columns), (n,), (n,)
-        Measured rows, y on the scale of eta (for starting points), powers relative to
-        ``measured_power``.
     observed : ndarray of shape (n,)
         y as measured.
     likelihood : Likelihood
     runs : SimulatedRows or None
-    simulation_power, measured_power : float
-    noise_prior : prior of sigma
-    scale : float
-        Spread of the output on the scale of eta.
     """
 
-    model: MeasuredModel
-    X: FloatArray
-    y: FloatArray
-    weights: FloatArray
     observed: FloatArray
     likelihood: Likelihood
     runs: SimulatedRows | None
-    simulation_power: float
-    measured_power: float
-    noise_prior: Prior
-    scale: float
-
-    @property
-    def n_dimensions(self) -> int:
-        """Length of u."""
-        return self.model.n_unknowns + self.model.n_hyper + 1
 
     is_exact = False
     # each value of the approximation is optimised, and is as rough as that is exact
     step_share = 0.5
-
-    def with_model(self, model: MeasuredModel) -> LaplacePosterior:
-        """Return the same posterior of another model."""
-        return replace(self, model=model)
 
     def run_statistics(self, hyper: FloatArray) -> Statistics | None:
         """Return the statistics of the runs in the features at hyperparameters (n_hyper,)."""

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy import special
 
+from hybridsurrogate.inference.conjugate.target import PowerScaledPosterior, Target
 from hybridsurrogate.inference.sampling.axis_proposals import elongation, ridge_through, with_lines
 from hybridsurrogate.inference.sampling.ensembles import (
     EnsembleDraws,
@@ -27,7 +28,6 @@ from hybridsurrogate.inference.sampling.modes import (
     starting_points,
 )
 from hybridsurrogate.inference.sampling.settings import SETTINGS
-from hybridsurrogate.inference.sampling.target import Target
 from hybridsurrogate.model.posterior import Diagnostics
 from hybridsurrogate.numerics.psis import KHAT_LIMIT
 from hybridsurrogate.types import FloatArray
@@ -48,16 +48,17 @@ class FirstStep:
 
 
 def first_step(
-    target: Target,
+    plain: PowerScaledPosterior,
     sampler: str | EnsembleSampler,
     n_draws: int,
     random_state: np.random.RandomState,
 ) -> FirstStep:
     """Draw all unknowns of step 1."""
-    starts = starting_points(target, random_state)
-    coordinates = standardised(target.model, target.search_density, starts, target.step_share)
+    starts = starting_points(plain, random_state)
+    coordinates = standardised(plain.model, plain.search_density, starts, plain.step_share)
+    target: Target = plain
     if coordinates is not None:
-        target, starts = HierarchicalTarget(target, coordinates), coordinates.of(starts)
+        target, starts = HierarchicalTarget(plain, coordinates), coordinates.of(starts)
     modes, minor, has_lines = _approximations(target, _modes(target, starts))
     doubt = np.nan
     if sampler in ("auto", "importance"):

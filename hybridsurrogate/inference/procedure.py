@@ -16,6 +16,7 @@ from hybridsurrogate.inference.conditional.sampler import (
     second_step,
 )
 from hybridsurrogate.inference.conjugate.collapsed import CollapsedPosterior
+from hybridsurrogate.inference.conjugate.target import PowerScaledPosterior
 from hybridsurrogate.inference.laplace import LaplacePosterior
 from hybridsurrogate.inference.posterior_sampler import FirstStep, first_step, of_importance
 from hybridsurrogate.inference.sampling.ensembles import (
@@ -25,7 +26,6 @@ from hybridsurrogate.inference.sampling.ensembles import (
 )
 from hybridsurrogate.inference.sampling.importance import Proposals, matched_draws
 from hybridsurrogate.inference.sampling.modes import NothingPossibleError
-from hybridsurrogate.inference.sampling.target import Target
 from hybridsurrogate.model.posterior import MIN_EFFECTIVE, Diagnostics, Posterior
 from hybridsurrogate.model.problem import Problem
 from hybridsurrogate.numerics.linear_algebra import one_blas_thread
@@ -207,36 +207,16 @@ class Fit:
 
 def make_target(
     problem: Problem, simulation_power: float, measured_power: float | FloatArray
-) -> Target:
+) -> PowerScaledPosterior:
     """Return the density of step 1; an array of powers holds one for each measured row."""
     weights, power = problem.weights, measured_power
     if not isinstance(power, float | int):
         weights, power = weights * power, float(np.any(power > 0))
+    rows = problem.model, problem.X, problem.y, weights
+    both = *rows, simulation_power, power, problem.noise_prior, problem.scale
     if problem.collapses:
-        return CollapsedPosterior(
-            problem.model,
-            problem.X,
-            problem.y,
-            weights,
-            problem.simulation,
-            simulation_power,
-            power,
-            problem.noise_prior,
-            problem.scale,
-        )
-    return LaplacePosterior(
-        problem.model,
-        problem.X,
-        problem.y,
-        weights,
-        problem.observed,
-        problem.likelihood,
-        problem.runs,
-        simulation_power,
-        power,
-        problem.noise_prior,
-        problem.scale,
-    )
+        return CollapsedPosterior(*both, problem.simulation)
+    return LaplacePosterior(*both, problem.observed, problem.likelihood, problem.runs)
 
 
 def fit_problem(

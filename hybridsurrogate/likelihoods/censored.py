@@ -11,8 +11,8 @@ from scipy import special
 from hybridsurrogate.arguments import as_real
 from hybridsurrogate.exceptions import did_you_mean
 from hybridsurrogate.likelihoods.base import LIKELIHOODS, Likelihood
-from hybridsurrogate.likelihoods.student_t import OfPlain
-from hybridsurrogate.types import FloatArray, Prior
+from hybridsurrogate.likelihoods.student_t import OfPlain, of_plain
+from hybridsurrogate.types import FloatArray
 
 _ROOT = float(np.sqrt(2 * np.pi))
 # standard deviations beyond which a normal density is none
@@ -157,20 +157,9 @@ class Censored(OfPlain):
         """That of the plain likelihood, with limits."""
         return f"{self.plain.name} with limits"
 
-    @property
-    def has_scale(self) -> bool:  # type: ignore[override]
-        """As the plain likelihood."""
-        return self.plain.has_scale
-
-    @property
-    def scales_noise(self) -> bool:  # type: ignore[override]
-        """As the plain likelihood."""
-        return self.plain.scales_noise
-
-    @property
-    def means_as_runs(self) -> bool:  # type: ignore[override]
-        """As the plain likelihood."""
-        return self.plain.means_as_runs
+    has_scale = of_plain("has_scale")
+    scales_noise = of_plain("scales_noise")
+    means_as_runs = of_plain("means_as_runs")
 
     @property
     def of_runs(self) -> Likelihood:
@@ -232,10 +221,6 @@ class Censored(OfPlain):
     def scatter(self, errors: FloatArray, y: FloatArray) -> FloatArray:
         """Return known errors on the scale of eta; those of limits are relative to these."""
         return self.plain.scatter(errors, self._within(y))
-
-    def noise_prior(self, scale: float) -> Prior:
-        """Return that of the plain likelihood."""
-        return self.plain.noise_prior(scale)
 
     def log_density(self, y: FloatArray, eta: FloatArray, sigma: FloatArray) -> FloatArray:
         """Return the log density of each y, or the log probability of all that it stands for."""
@@ -300,10 +285,6 @@ class Censored(OfPlain):
             np.where(beyond, bend / np.square(sigma), curvature),
         )
 
-    def mean(self, eta: FloatArray, sigma: FloatArray) -> FloatArray:
-        """Return the mean of the value itself."""
-        return self.plain.mean(eta, sigma)
-
     def variance(self, eta: FloatArray, sigma: FloatArray) -> FloatArray:
         """Return the variance of the value itself."""
         return self.plain.variance(eta, sigma)
@@ -325,12 +306,9 @@ class Censored(OfPlain):
         return float(low), float(high)
 
     @property
-    def _limits_of_eta(self) -> tuple[FloatArray, FloatArray]:
-        low, high = self._limits
-        return (
-            self.plain.link(np.array(low)) if np.isfinite(low) else np.array(low),
-            self.plain.link(np.array(high)) if np.isfinite(high) else np.array(high),
-        )
+    def _limits_of_eta(self) -> list[FloatArray]:
+        ends = [np.array(end) for end in self._limits]
+        return [self.plain.link(end) if np.isfinite(end) else end for end in ends]
 
     def _within(self, y: FloatArray) -> FloatArray:
         low, high = self._limits

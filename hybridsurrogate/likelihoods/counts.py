@@ -59,10 +59,6 @@ class _Counts(Likelihood):
         """Return 1 / (sqrt(12) mean): uniform errors of the mean, to first order."""
         return 1 / (np.sqrt(12) * self.inverse(eta))
 
-    def link(self, output: FloatArray) -> FloatArray:
-        """Return the logarithm of the output."""
-        return np.log(output)
-
     def inverse(self, eta: FloatArray) -> FloatArray:
         """Return exp(eta)."""
         return np.exp(np.minimum(eta, _MAX_ETA))
@@ -212,11 +208,9 @@ def _log_tail(
     with np.errstate(divide="ignore"):
         found = np.log(probability)
     low = ~(probability > 1e-290)
-    return (
-        np.where(low, likelihood.log_density(np.round(y), eta, sigma), found)
-        if low.any()
-        else found
-    )
+    if not low.any():
+        return found
+    return np.where(low, likelihood.log_density(np.round(y), eta, sigma), found)
 
 
 register("poisson", Poisson())

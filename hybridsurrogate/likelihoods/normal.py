@@ -98,17 +98,6 @@ class Normal(TransformedNormal):
 
     name = "normal"
 
-    def check(self, y: FloatArray, source: str = "measured") -> None:
-        """Accept every finite y."""
-
-    def link(self, output: FloatArray) -> FloatArray:
-        """Return the output."""
-        return np.asarray(output, dtype=float)
-
-    def inverse(self, eta: FloatArray) -> FloatArray:
-        """Return eta."""
-        return eta
-
     def log_jacobian(self, y: FloatArray) -> FloatArray:
         """Return zeros."""
         return np.zeros_like(y, dtype=float)
@@ -148,14 +137,6 @@ class LogNormal(TransformedNormal):
                 "likelihood='normal', or shift measured and simulated values alike (counts: "
                 "y + 1)."
             )
-
-    def link(self, output: FloatArray) -> FloatArray:
-        """Return the logarithm of the output."""
-        return np.log(output)
-
-    def inverse(self, eta: FloatArray) -> FloatArray:
-        """Return exp(eta), the median of y."""
-        return np.exp(np.minimum(eta, 700.0))
 
     def log_jacobian(self, y: FloatArray) -> FloatArray:
         """Return -log y."""

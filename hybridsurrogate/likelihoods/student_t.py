@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from scipy import special
@@ -128,6 +129,11 @@ class StudentT(HeavyTailed):
 register("student-t", StudentT())
 
 
+def of_plain(word: str) -> Any:
+    """Return a property that is that of the plain likelihood."""
+    return property(lambda self: getattr(self.plain, word), doc="As the plain likelihood.")
+
+
 class OfPlain(Likelihood):
     """A likelihood around a plain one, on the same scale of eta.
 
@@ -137,21 +143,7 @@ class OfPlain(Likelihood):
     """
 
     plain: Likelihood
-
-    @property
-    def name(self) -> str:  # type: ignore[override]
-        """That of the plain likelihood."""
-        return self.plain.name
-
-    @property
-    def log_scale(self) -> bool:  # type: ignore[override]
-        """As the plain likelihood."""
-        return self.plain.log_scale
-
-    @property
-    def rough(self) -> bool:  # type: ignore[override]
-        """As the plain likelihood."""
-        return self.plain.rough
+    name, log_scale, rough = (of_plain(word) for word in ("name", "log_scale", "rough"))
 
     def check(self, y: FloatArray, source: str = "measured") -> None:
         """Accept what the plain likelihood accepts."""
@@ -172,6 +164,14 @@ class OfPlain(Likelihood):
     def inverse(self, eta: FloatArray) -> FloatArray:
         """Return the output of eta."""
         return self.plain.inverse(eta)
+
+    def mean(self, eta: FloatArray, sigma: FloatArray) -> FloatArray:
+        """Return the mean of a plain value."""
+        return self.plain.mean(eta, sigma)
+
+    def noise_prior(self, scale: float) -> Prior:
+        """Return that of the plain likelihood."""
+        return self.plain.noise_prior(scale)
 
 
 @dataclass(frozen=True)
@@ -280,7 +280,7 @@ def precision_at(z: FloatArray, share: FloatArray | float) -> FloatArray:
 
 
 @dataclass(frozen=True)
-class Contaminated(HeavyTailed):
+class Contaminated(HeavyTailed, OfPlain):
     """A normal (or log-normal) likelihood of which a share of rows are outliers.
 
     Attributes
@@ -303,39 +303,14 @@ class Contaminated(HeavyTailed):
     share: FloatArray
     name = "normal with outliers"
 
-    @property
-    def log_scale(self) -> bool:  # type: ignore[override]
-        """Whether eta is the logarithm of the output."""
-        return self.plain.log_scale
-
     def take(self, index: FloatArray) -> Likelihood:
         """Return the likelihood of some of the draws."""
         return replace(self, share=self.share[index])
-
-    def check(self, y: FloatArray, source: str = "measured") -> None:
-        """Accept what the plain likelihood accepts."""
-        self.plain.check(y, source)
-
-    def working(self, y: FloatArray) -> FloatArray:
-        """Return y on the scale of eta."""
-        return self.plain.working(y)
-
-    def link(self, output: FloatArray) -> FloatArray:
-        """Return the eta of an output."""
-        return self.plain.link(output)
-
-    def inverse(self, eta: FloatArray) -> FloatArray:
-        """Return the output of eta."""
-        return self.plain.inverse(eta)
 
     def log_density(self, y: FloatArray, eta: FloatArray, sigma: FloatArray) -> FloatArray:
         """Return the log density of each y."""
         z = (self.plain.link(y) - eta) / sigma
         return log_shape(z, self.share) - np.log(sigma) + self.plain.log_jacobian(y)
-
-    def mean(self, eta: FloatArray, sigma: FloatArray) -> FloatArray:
-        """Return the mean of a measurement that is no outlier: on the scale of y that of all."""
-        return self.plain.mean(eta, sigma)
 
     def variance(self, eta: FloatArray, sigma: FloatArray) -> FloatArray:
         """Return the variance, outliers included."""
@@ -350,10 +325,6 @@ class Contaminated(HeavyTailed):
         scale = SMALLEST * np.exp(_LOG_RANGE * random_state.uniform(size=shape))
         scale = np.where(random_state.uniform(size=shape) < self.share, scale, 1.0)
         return self.plain.sample(eta, sigma * scale, random_state)
-
-    def noise_prior(self, scale: float) -> Prior:
-        """Return that of the plain likelihood."""
-        return self.plain.noise_prior(scale)
 
     def precision(self, residual: FloatArray, sigma: FloatArray) -> FloatArray:
         """Return the expected precision of each row, given its residual on the scale of eta."""

@@ -212,9 +212,9 @@ class Basis(ABC):
         row; `known_depends_on_hyper` then is True.
         """
 
-    @abstractmethod
     def features(self, X: FloatArray, omega: FloatArray) -> FloatArray:
-        """Return phi for the same rows: (n, p)."""
+        """Return phi for the same rows: (n, p); by default none."""
+        return np.empty((len(X), 0))
 
     def known_and_features(
         self, X: FloatArray, omega: FloatArray, hyper: FloatArray | None = None

@@ -104,39 +104,22 @@ def log_density_of_pairs(
 
     The causes' coefficients a ~ N(0, diag(sd^2)) are integrated out by Woodbury's identity.
     """
-    rows = problem.features_and_rest
-    n = len(problem.y if rows is None else rows[1])
-    numbers = n * (1 + len(problem.model.column_sd))
+    numbers = problem.n_rows * (1 + len(problem.model.column_sd))
     return np.concatenate(
         [_log_density(problem, u[some], problem.c[which[some]]) for some in blocks(len(u), numbers)]
     )
 
 
 def _log_density(problem: MeasuredGiven, u: FloatArray, c: FloatArray) -> FloatArray:
-    model, weights = problem.model, problem.weights
-    sigma, values = np.exp(u[:, -1]), model.values(u[:, :-1])
-    rows = problem.features_and_rest
-    if rows is None:
-        output, noise = model.outputs(problem.X, values, c)
-        scale = noise * sigma[:, None]
-        residual = (problem.y - output) * np.sqrt(weights) / scale
-        log_det = np.log(np.broadcast_to(scale, residual.shape)) @ weights
-        columns = model.added(problem.X, values) * model.column_sd
-        columns = columns * (np.sqrt(weights) / scale)[..., None]
-    else:
-        of_inputs, rest = rows
-        fitted = (problem.parameters_part(values) * c) @ of_inputs.T
-        residual = (rest - fitted) / sigma[:, None]
-        log_det = u[:, -1] * weights.sum()
-        columns = problem.columns(values) / sigma[:, None, None]
+    residual, columns, log_det = problem.of_pairs(u, c)
     squares = np.sum(residual**2, axis=1)
-    if len(model.column_sd):
+    if q := columns.shape[2]:
         transposed = np.swapaxes(columns, 1, 2)
-        factor = nudged_cholesky(np.eye(len(model.column_sd)) + transposed @ columns)
+        factor = nudged_cholesky(np.eye(q) + transposed @ columns)
         log_det = log_det + log_det_of(factor)
         half = np.linalg.solve(factor, transposed @ residual[..., None])[..., 0]
         squares = np.maximum(squares - np.sum(half**2, axis=1), 0.0)
-    squares += weights.sum() * (ROUNDING * problem.scale / sigma) ** 2
+    squares += problem.weights.sum() * (ROUNDING * problem.scale / np.exp(u[:, -1])) ** 2
     out = prior_of_unknowns(u, problem.noise_prior) - log_det - 0.5 * squares
     return np.where(np.isfinite(out), out, -np.inf)
 

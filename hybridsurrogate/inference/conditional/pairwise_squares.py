@@ -110,6 +110,30 @@ class MeasuredGiven:
         """The coefficient draws, with what all nodes share of them."""
         return SharedDraws(self.c)
 
+    @property
+    def n_rows(self) -> int:
+        """How many rows are formed."""
+        return len(self.y if self.features_and_rest is None else self.features_and_rest[1])
+
+    def of_pairs(self, u: FloatArray, c: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return what each point u (K, d) leaves with its own coefficients c (K, p).
+
+        Residuals (K, m) and columns of the causes in units of their prior sd (K, m, q), both in
+        standard deviations of the noise, and the log of these, summed over the rows, (K,).
+        """
+        model, sigma, rows = self.model, np.exp(u[:, -1:]), self.features_and_rest
+        values = model.values(u[:, :-1])
+        if rows is not None:
+            of_inputs, rest = rows
+            fitted = (self.parameters_part(values) * c) @ of_inputs.T
+            columns = self.columns(values) / sigma[..., None]
+            return (rest - fitted) / sigma, columns, u[:, -1] * self.weights.sum()
+        output, noise = model.outputs(self.X, values, c)
+        scale = np.broadcast_to(noise * sigma, output.shape)
+        weighted = np.sqrt(self.weights) / scale
+        columns = model.added(self.X, values) * model.column_sd * weighted[..., None]
+        return (self.y - output) * weighted, columns, np.log(scale) @ self.weights
+
 
 def squares_of_pairs(features: FloatArray, residual: FloatArray, draws: SharedDraws) -> FloatArray:
     """Return |residual_j - features_j c_s|^2 for all j and s.

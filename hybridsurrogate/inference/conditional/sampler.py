@@ -100,16 +100,9 @@ def conditional_draws(
         return np.where(np.isfinite(out), out, -np.inf)
 
     start = np.hstack([u[:, :m], u[:, -1:], a / sd])
-    moved = moved_draws(log_density, start, random_state, effort)
-    points = moved.points
-    return MeasuredDraws(
-        points[:, :m],
-        np.exp(points[:, m]),
-        points[:, m + 1 :] * sd,
-        np.nan,
-        moved.accepted,
-        "moves",
-    )
+    points, accepted = moved_draws(log_density, start, random_state, effort)
+    z, sigma, columns = points[:, :m], np.exp(points[:, m]), points[:, m + 1 :] * sd
+    return MeasuredDraws(z, sigma, columns, np.nan, accepted, "moves")
 
 
 # noises that are tried, and nats by which one must be better
@@ -194,8 +187,8 @@ def moved_step(
     def log_density(u: FloatArray, which: NDArray[np.intp]) -> FloatArray:
         return log_density_of_pairs(problem, u, which)
 
-    moved = moved_draws(log_density, start, random_state, effort)
-    return _drawn(problem, moved.points, np.nan, moved.accepted, "moves", random_state)
+    u, accepted = moved_draws(log_density, start, random_state, effort)
+    return _drawn(problem, u, np.nan, accepted, "moves", random_state)
 
 
 def _with_wider_noise(log_density: LogDensity, starts: FloatArray, scale: float) -> FloatArray:
@@ -443,8 +436,7 @@ def _log_density(problem: MeasuredGiven, u: FloatArray, draws: SharedDraws) -> F
     model, rows = problem.model, problem.features_and_rest
     # rows whose features factorise are not formed for each proposal
     width = 1 + len(model.column_sd) + (len(draws.centre) if rows is None else 0)
-    numbers = len(problem.y if rows is None else rows[1]) * width
-    pieces = blocks(len(u), numbers, LARGE_BLOCK)
+    pieces = blocks(len(u), problem.n_rows * width, LARGE_BLOCK)
     return np.concatenate([_log_density_of_some(problem, u[some], draws) for some in pieces])
 
 
@@ -494,28 +486,15 @@ def _draw_columns(
     problem: MeasuredGiven, u: FloatArray, random_state: np.random.RandomState
 ) -> FloatArray:
     """Draw a given (u_s, c_s), one for each s: (S, q)."""
-    model, rows = problem.model, problem.features_and_rest
-    q = len(model.column_sd)
+    q = len(problem.model.column_sd)
     noise = random_state.standard_normal((len(u), q, 1))
     if not q:
         return noise[..., 0]
-    n = len(problem.y if rows is None else rows[1])
     pieces = []
-    for some in blocks(len(u), n * (q + (problem.c.shape[1] if rows is None else 1)), LARGE_BLOCK):
-        values, sigma = model.values(u[some, :-1]), np.exp(u[some, -1:])
-        if rows is None:
-            parts = model.parts(problem.X, values)
-            scaled = np.sqrt(problem.weights) / (parts.noise * sigma)
-            fitted = (parts.features @ problem.c[some, :, None])[..., 0]
-            residual = (problem.y - parts.known - fitted) * scaled
-            columns = parts.columns * model.column_sd * scaled[..., None]
-        else:
-            of_inputs, rest = rows
-            fitted = (problem.parameters_part(values) * problem.c[some]) @ of_inputs.T
-            residual = (rest - fitted) / sigma
-            columns = problem.columns(values) / sigma[..., None]
+    for some in blocks(len(u), problem.n_rows * (1 + q), LARGE_BLOCK):
+        residual, columns, _ = problem.of_pairs(u[some], problem.c[some])
         transposed = np.swapaxes(columns, 1, 2)
         factor = nudged_cholesky(np.eye(q) + transposed @ columns)
         half = np.linalg.solve(factor, transposed @ residual[..., None]) + noise[some]
         pieces.append(np.linalg.solve(np.swapaxes(factor, 1, 2), half)[..., 0])
-    return np.concatenate(pieces) * model.column_sd
+    return np.concatenate(pieces) * problem.model.column_sd

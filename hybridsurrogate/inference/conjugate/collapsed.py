@@ -11,7 +11,7 @@ surrogate and causes are Gaussian, so their draws are exact and independent (Ras
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -22,10 +22,10 @@ from hybridsurrogate.inference.conjugate.factored_rows import (
     posterior_factor,
     whitened,
 )
-from hybridsurrogate.model.observation import MeasuredModel
+from hybridsurrogate.inference.conjugate.target import PowerScaledPosterior
 from hybridsurrogate.model.statistics import ROUNDING, Statistics, prior_of_unknowns
 from hybridsurrogate.numerics.linear_algebra import BLOCK, LARGE_BLOCK, log_det_of, nudged_cholesky
-from hybridsurrogate.types import FloatArray, Prior
+from hybridsurrogate.types import FloatArray
 
 
 @dataclass(frozen=True)
@@ -155,48 +155,19 @@ _MANY_FOR_EACH = 1.5
 
 
 @dataclass(frozen=True)
-class CollapsedPosterior:
+class CollapsedPosterior(PowerScaledPosterior):
     """Power-scaled posterior of ``u`` with the coefficients (c, a) integrated out.
 
     Attributes
     ----------
-    model : MeasuredModel
-    X, y, weights : ndarray of shape (n, n_columns), (n,), (n,)
-        Measured rows, y on the scale of eta, and the powers of their likelihoods relative to
-        ``measured_power``.
     simulation : Statistics or None
         Sufficient statistics of the simulation runs.
-    simulation_power, measured_power : float
-        alpha_S and alpha_R.
-    noise_prior : prior of sigma
-    scale : float
-        Spread of the output.
     """
 
-    model: MeasuredModel
-    X: FloatArray
-    y: FloatArray
-    weights: FloatArray
     simulation: Statistics | None
-    simulation_power: float
-    measured_power: float
-    noise_prior: Prior
-    scale: float
-
-    @property
-    def n_dimensions(self) -> int:
-        """Length of u."""
-        return self.model.n_unknowns + self.model.n_hyper + 1
-
-    # what samplers ask, whatever their target: nothing stands for coefficients that are exact
 
     is_exact = True
     step_share = 0.1
-    n_noise = 0
-
-    def with_model(self, model: MeasuredModel) -> CollapsedPosterior:
-        """Return the same posterior of another model."""
-        return replace(self, model=model)
 
     def run_statistics(self, hyper: FloatArray) -> Statistics | None:
         """Return the statistics of the runs in the features at hyperparameters (n_hyper,)."""
@@ -205,12 +176,6 @@ class CollapsedPosterior:
             return runs
         whitened = factor[0].T @ runs.ff @ factor[0]
         return Statistics(runs.n, whitened, factor[0].T @ runs.fy, runs.yy)
-
-    def search_density(self, u: FloatArray) -> FloatArray:
-        """Return the log density of points u."""
-        return self.log_density(u)
-
-    extended_log_density = joint_log_density = search_density
 
     def resolved(
         self, points: FloatArray, random_state: np.random.RandomState
@@ -236,7 +201,7 @@ class CollapsedPosterior:
         mean = np.concatenate([basis.coefficient_mean, np.zeros(len(self.model.column_sd))])
         return mean, sd**-2.0
 
-    def log_density(self, u: FloatArray) -> FloatArray:
+    def search_density(self, u: FloatArray) -> FloatArray:
         """Return the log density of u (J, d), up to the constants of the prior of z."""
         out = prior_of_unknowns(u, self.noise_prior)
         # far below the rounding of the data, where a square of sigma would underflow
@@ -246,6 +211,8 @@ class CollapsedPosterior:
         with np.errstate(over="ignore", invalid="ignore"):
             out[possible] += self._log_likelihood(u[possible])
         return np.where(np.isfinite(out), out, -np.inf)
+
+    extended_log_density = joint_log_density = search_density
 
     def _log_likelihood(self, u: FloatArray) -> FloatArray:
         log_det, rest, log_noise = self._marginal(u)

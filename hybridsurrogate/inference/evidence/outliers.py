@@ -165,10 +165,8 @@ def at_best_node(parts: Linearised, y: FloatArray, sigma: float) -> Linearised:
     parts = replace(parts.at(np.array([0])), log_weight=np.zeros(1))
     if parts.outliers is None:
         return parts
-    noise = np.ones((1, len(y))) if parts.noise is None else parts.noise
-    U = emulator_directions(parts.U, sigma)
-    design = np.concatenate([parts.G, np.broadcast_to(U, (len(parts.G), *U.shape))], axis=2)
-    share = parts.outliers[:, None]
+    noise, share = _noise(parts), parts.outliers[:, None]
+    design = _design(parts, parts.H[..., :0], emulator_directions(parts.U, sigma))
     mode = find_mode(y - parts.mean, design, noise, share, np.zeros_like)
     factor = precision_at(mode.z, share) ** -0.5
     return replace(parts, noise=factor * noise, outliers=None)
@@ -183,6 +181,18 @@ def emulator_directions(U: FloatArray, sigma: float) -> FloatArray:
     return Q[:, large] * singular[large]
 
 
+def _noise(parts: Linearised) -> FloatArray:
+    return np.ones((1, parts.H.shape[1])) if parts.noise is None else parts.noise
+
+
+def _design(parts: Linearised, H: FloatArray, U: FloatArray) -> FloatArray:
+    """Return [G, H, U] (M, n, k) of columns H (T, n, q); M is 1 where nodes share all of it."""
+    M = max(len(parts.G), len(H) if H.shape[2] else 1)
+    return np.concatenate(
+        [np.broadcast_to(a, (M, *a.shape[-2:])) for a in (parts.G, H[:M], U)], axis=2
+    )
+
+
 def heavy_scan(
     parts: Linearised,
     y: FloatArray,
@@ -195,18 +205,11 @@ def heavy_scan(
     Of ``sigma`` only the emulator's error needs a guess.
     """
     assert parts.outliers is not None
-    T, n, q = parts.H.shape
-    noise = np.ones((1, n)) if parts.noise is None else parts.noise
-    U = emulator_directions(parts.U, sigma)
+    U, share = emulator_directions(parts.U, sigma), parts.outliers[:, None]
     terms = []
-    for size in sizes if q else sizes[:1]:
-        H = parts.H * np.minimum(size, parts.cap)[:, None, :]
-        M = max(len(parts.G), T if q else 1)
-        pieces = (np.broadcast_to(a, (M, n, a.shape[-1])) for a in (parts.G, H[:M], U))
-        design = np.concatenate(list(pieces), axis=2)
-        terms.append(
-            log_evidence(y - parts.mean, design, noise, parts.outliers[:, None], log_prior)
-        )
+    for size in sizes if parts.H.shape[2] else sizes[:1]:
+        design = _design(parts, parts.H * np.minimum(size, parts.cap)[:, None, :], U)
+        terms.append(log_evidence(y - parts.mean, design, _noise(parts), share, log_prior))
     out = np.logaddexp.reduce(terms, axis=0) - np.log(len(terms)) + parts.log_weight
     return np.where(np.isnan(out), -np.inf, out)
 
@@ -226,14 +229,9 @@ def heavy_fit(
 ) -> HeavyFit:
     """Fit parts with outliers at z, and find the best of the linear model; sigma is free."""
     assert parts.outliers is not None
-    T, n, q = parts.H.shape
-    d, s = parts.G.shape[2], len(grid.sizes)
-    noise = np.ones((1, n)) if parts.noise is None else parts.noise
+    d, s, noise = parts.G.shape[2], len(grid.sizes), _noise(parts)
     scale = np.minimum(size, parts.cap)
-    U = emulator_directions(parts.U, sigma)
-    M = max(len(parts.G), T if q else 1)
-    pieces = (parts.G, (parts.H * scale[:, None, :])[:M], U)
-    design = np.concatenate([np.broadcast_to(a, (M, n, a.shape[-1])) for a in pieces], axis=2)
+    design = _design(parts, parts.H * scale[:, None, :], emulator_directions(parts.U, sigma))
     residual, share = y - parts.mean, parts.outliers[:, None]
     linear = find_mode(residual, design, noise, share, np.zeros_like)
     deviance = -2 * (linear.log_joint + parts.log_weight)
@@ -242,7 +240,7 @@ def heavy_fit(
     solution = linear.v[node]
     to_z = scale[node, :s] / parts.H_rms[node, :s]
     conditioned = np.concatenate([z[grid.fixed], (z[grid.sizes] - grid.neutral[grid.sizes]) / to_z])
-    at = min(node, M - 1)
+    at = min(node, len(design) - 1)
     kept = np.r_[: len(grid.fixed), d : d + s]
     free = np.setdiff1d(np.arange(design.shape[2]), kept)
     rest = residual[min(node, len(residual) - 1)] - design[at][:, kept] @ conditioned
@@ -254,5 +252,5 @@ def heavy_fit(
     move = z.copy()
     move[grid.fixed] = np.clip(solution[: len(grid.fixed)], -6, 6)
     move[grid.sizes] = np.clip(grid.neutral[grid.sizes] + solution[d : d + s] * to_z, -6, 6)
-    squares = n * float(here.sigma[0]) ** 2
+    squares = len(y) * float(here.sigma[0]) ** 2
     return HeavyFit(squares, objective if np.isfinite(objective) else np.inf, node, move, deviance)

@@ -5,6 +5,5 @@ axis_proposals  narrow proposals along an unknown with jumps, and along bent rid
 importance      rounds of importance sampling, weighted as one mixture
 ensembles       the ensemble sampler with its stopping rule, and many chains at once
 hierarchical    coordinates of hierarchies
-target          what samplers need of a density
 settings        the numbers that all of them are tuned by
 """

@@ -20,9 +20,9 @@ from numpy.typing import NDArray
 from scipy import special
 from scipy.interpolate import CubicSpline
 
+from hybridsurrogate.inference.conjugate.target import Target
 from hybridsurrogate.inference.sampling.modes import Gaussian, distinct, factors, optimise_density
 from hybridsurrogate.inference.sampling.settings import SETTINGS
-from hybridsurrogate.inference.sampling.target import Target
 from hybridsurrogate.model.observation import MeasuredModel
 from hybridsurrogate.priors import to_normal
 from hybridsurrogate.types import FloatArray

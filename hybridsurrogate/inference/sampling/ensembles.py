@@ -167,7 +167,7 @@ class EnsembleSampler(BaseEstimator):
             moves=self.moves or _moves_about(about),
             backend=self._backend(start, seed),
         )
-        state = _state(start, seed)
+        state = emcee.State(start, random_state=np.random.RandomState(seed).get_state())
         if self.file is not None and sampler.backend.iteration:
             state = sampler.backend.get_last_sample()
         tau, converged = np.inf, False
@@ -284,12 +284,6 @@ def _thinned(
     )
 
 
-def _state(start: FloatArray, seed: int) -> emcee.State:
-    import emcee
-
-    return emcee.State(start, random_state=np.random.RandomState(seed).get_state())
-
-
 def _autocorrelation_time(sampler: emcee.EnsembleSampler) -> float:
     with np.errstate(invalid="ignore"):  # a walker that never moved has no autocorrelation
         tau = float(np.max(sampler.get_autocorr_time(tol=0)))
@@ -322,27 +316,12 @@ def _spread_over(
 class Effort(NamedTuple):
     """How many moves each chain makes, and how many starts it chooses from besides its own."""
 
-    steps: int = SETTINGS.evolution_steps
-    pool: int = SETTINGS.population
+    steps: int
+    pool: int
 
 
 # from places near the answer; from draws of it
-FROM_NEAR, FROM_DRAWS = Effort(), Effort(30, 0)
-
-
-@dataclass(frozen=True)
-class Moved:
-    """Where the chains ended.
-
-    Attributes
-    ----------
-    points : ndarray of shape (S, d)
-    accepted : float
-        Median over chains of the number of accepted moves.
-    """
-
-    points: FloatArray
-    accepted: float
+FROM_NEAR, FROM_DRAWS = Effort(160, 60), Effort(30, 0)
 
 
 def moved_draws(
@@ -350,7 +329,7 @@ def moved_draws(
     start: FloatArray,
     random_state: np.random.RandomState,
     effort: Effort = FROM_NEAR,
-) -> Moved:
+) -> tuple[FloatArray, float]:
     """Draw from the conditional density of each chain.
 
     Parameters
@@ -363,7 +342,9 @@ def moved_draws(
 
     Returns
     -------
-    Moved
+    points : ndarray of shape (S, d)
+    accepted : float
+        Median over chains of the number of accepted moves.
     """
     S = len(start)
     points, value = _best_of_pool(log_density, start, random_state, effort.pool)
@@ -377,7 +358,7 @@ def moved_draws(
                 take = np.log(random_state.uniform(size=len(mine))) < new - value[mine]
             points[mine[take]], value[mine[take]] = trial[take], new[take]
             accepted[mine[take]] += 1
-    return Moved(points, float(np.median(accepted)))
+    return points, float(np.median(accepted))
 
 
 def _best_of_pool(

@@ -13,16 +13,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from hybridsurrogate.inference.conjugate.target import Target
 from hybridsurrogate.inference.sampling.importance import Proposals
 from hybridsurrogate.inference.sampling.modes import LogDensity, find_modes
-from hybridsurrogate.inference.sampling.target import Target
 from hybridsurrogate.model.observation import MeasuredModel
-from hybridsurrogate.model.statistics import Statistics
 from hybridsurrogate.priors import from_normal, prior_sd, to_normal
 from hybridsurrogate.types import FloatArray, Prior
 
@@ -193,69 +192,19 @@ def standardised(
 
 
 @dataclass(frozen=True)
-class HierarchicalTarget:
+class HierarchicalTarget(Target):
     """A density in other coordinates; everything else is that of ``plain``."""
 
     plain: Target
     coordinates: Coordinates
 
-    @property
-    def model(self) -> MeasuredModel:
-        """Surrogate, causes and what is unknown of them."""
-        return self.plain.model
-
-    @property
-    def X(self) -> FloatArray:
-        """Measured rows (n, n_columns)."""
-        return self.plain.X
-
-    @property
-    def y(self) -> FloatArray:
-        """Measured outputs (n,) on the scale of eta."""
-        return self.plain.y
-
-    @property
-    def simulation_power(self) -> float:
-        """Power of the likelihood of the runs."""
-        return self.plain.simulation_power
-
-    @property
-    def noise_prior(self) -> Prior:
-        """Prior of sigma."""
-        return self.plain.noise_prior
-
-    @property
-    def scale(self) -> float:
-        """Spread of the output on the scale of eta."""
-        return self.plain.scale
-
-    @property
-    def is_exact(self) -> bool:
-        """Whether the coefficients are integrated out in closed form."""
-        return self.plain.is_exact
-
-    @property
-    def step_share(self) -> float:
-        """Share of a standard deviation over which the search density is differenced."""
-        return self.plain.step_share
-
-    @property
-    def n_dimensions(self) -> int:
-        """Length of u."""
-        return self.plain.n_dimensions
+    def __getattr__(self, word: str) -> Any:
+        return getattr(self.plain, word)
 
     @property
     def n_noise(self) -> int:
         """Length of the standard normal e that stands for coefficients in points [u, e]."""
         return self.plain.n_noise
-
-    def with_model(self, model: MeasuredModel) -> Target:
-        """Return the same posterior of another model, in its plain coordinates."""
-        return self.plain.with_model(model)
-
-    def run_statistics(self, hyper: FloatArray) -> Statistics | None:
-        """Return the statistics of the runs in the features at hyperparameters (n_hyper,)."""
-        return self.plain.run_statistics(hyper)
 
     def search_density(self, u: FloatArray) -> FloatArray:
         """Return the log density of u (J, d), at least approximately."""

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hybridsurrogate.effects.base import Cause
+from hybridsurrogate.inference.conjugate.target import PowerScaledPosterior, Target
 from hybridsurrogate.inference.evidence.grid import make_grid
 from hybridsurrogate.inference.evidence.levenberg_marquardt import (
     best_of_global_starts,
@@ -19,7 +20,6 @@ from hybridsurrogate.inference.evidence.levenberg_marquardt import (
 )
 from hybridsurrogate.inference.evidence.marginal_likelihood import optimise, shortened
 from hybridsurrogate.inference.sampling.settings import SETTINGS
-from hybridsurrogate.inference.sampling.target import Target
 from hybridsurrogate.model.statistics import ROUNDING, emulator_posterior
 from hybridsurrogate.priors import to_normal
 from hybridsurrogate.types import FloatArray
@@ -29,7 +29,9 @@ _LINE = np.linspace(-6.5, 6.5, 41)
 _SPACING = _LINE[1] - _LINE[0]
 
 
-def starting_points(target: Target, random_state: np.random.RandomState) -> FloatArray:
+def starting_points(
+    target: PowerScaledPosterior, random_state: np.random.RandomState
+) -> FloatArray:
     """Return points u from which an optimiser should climb: best prior draws, best nodes."""
     model = target.model
     bare = replace(model, effects=())
@@ -43,7 +45,7 @@ def starting_points(target: Target, random_state: np.random.RandomState) -> Floa
         model.basis.given(hyper), target.run_statistics(hyper), target.simulation_power
     )
     model = replace(model, basis=model.basis.given(hyper))
-    sigma = float(np.exp(base[0, -1]))
+    sigma, size, floor = float(np.exp(base[0, -1])), 10 * target.scale, ROUNDING * target.scale
     causes: tuple[Cause, ...] = ()
     for cause in model.effects:
         causes = (*causes, cause)
@@ -51,16 +53,12 @@ def starting_points(target: Target, random_state: np.random.RandomState) -> Floa
         grid = make_grid(partial)
         before_it, z = z, np.concatenate([z, grid.neutral[len(z) :]])
         rows = partial, target.X, target.y, emulator
-        grid = shortened(*rows, grid, z, sigma, 10 * target.scale)
+        grid = shortened(*rows, grid, z, sigma, size)
         for round_ in range(SETTINGS.noise_refits):
-            mode = optimise(
-                partial, target.X, target.y, emulator, grid, z, sigma, 10 * target.scale
-            )
+            mode = optimise(*rows, grid, z, sigma, size)
             z = mode.z.copy()
             if not round_:
-                floor = ROUNDING * target.scale
-                args = partial, target.X, target.y, emulator, grid
-                best = best_of_global_starts(*args, before_it, z, floor)
+                best = best_of_global_starts(*rows, grid, before_it, z, floor)
                 if best is not None:
                     z = best
                     continue
@@ -68,7 +66,7 @@ def starting_points(target: Target, random_state: np.random.RandomState) -> Floa
                 priors = [partial.priors[k] for k in grid.nodes]
                 z[grid.nodes] = to_normal(priors, grid.points[mode.node])
             before = sigma
-            sigma = max(float(np.sqrt(mode.squares / len(target.y))), ROUNDING * target.scale)
+            sigma = max(float(np.sqrt(mode.squares / len(target.y))), floor)
             if sigma > SETTINGS.converged_noise * before:
                 break
     return np.array([[*z, *z_hyper, np.log(sigma * factor)] for factor in (1.0, 2.0)])
@@ -104,7 +102,7 @@ def further_points(target: Target, mode: FloatArray) -> FloatArray:
     return np.concatenate(out)
 
 
-def _noise_levels(target: Target) -> FloatArray:
+def _noise_levels(target: PowerScaledPosterior) -> FloatArray:
     """Return log noise scales to start from, spread over what data may have and the prior allows.
 
     A prior that knows the noise may have no mass at any of a few shares of the spread.
@@ -116,7 +114,9 @@ def _noise_levels(target: Target) -> FloatArray:
     return np.log(np.maximum(sigma, 1e-300))
 
 
-def _best_prior_points(target: Target, random_state: np.random.RandomState) -> FloatArray:
+def _best_prior_points(
+    target: PowerScaledPosterior, random_state: np.random.RandomState
+) -> FloatArray:
     """Return the local maxima among points spread over the prior and beyond, best first.
 
     Posteriors can have a second mode far in a tail, where the surrogate bends back to the data.

@@ -70,9 +70,9 @@ class SamplingSettings:
         Of points on a ridge: least distance in standard deviations of the prior and of the
         approximation, depth at which it ends, points through which the next is extrapolated, and
         standard deviations by which it may be missed: a spline between them misses a fortieth.
-    population, evolution_steps, smallest_move : int, int, float
-        Differential evolution that starts an ensemble; moves of several sizes at once, down to this
-        one: some posteriors are as wide as the population, some far narrower.
+    smallest_move : float
+        Differential evolution moves by several sizes at once, down to this one: some posteriors are
+        as wide as the population, some far narrower.
     ensemble_steps, gaussian_moves : int, float
         Steps of the ensemble between two looks at its convergence, and the share of them that leans
         on the Gaussian approximation.
@@ -144,8 +144,6 @@ class SamplingSettings:
     ridge_deep: float = 12.0
     ridge_near: int = 4
     ridge_missed: float = 4.0
-    population: int = 60
-    evolution_steps: int = 160
     smallest_move: float = 0.03
     ensemble_steps: int = 200
     gaussian_moves: float = 0.7

@@ -72,10 +72,6 @@ class ExactBasis(Basis):
         """Return the basis of a simulation with changed dynamics."""
         return replace(self, simulate=self.simulate.modified(modifications))
 
-    def features(self, X: FloatArray, omega: FloatArray) -> FloatArray:
-        """Return no features."""
-        return np.empty((len(X), 0))
-
 
 register("exact", ExactSurrogate())
 
@@ -133,13 +129,14 @@ class ParametricSurrogate(Surrogate):
         values = basis.known(domain.X, domain.omega, np.tile(medians, (len(domain.X), 1)))
         if not np.isfinite(values).any():
             raise ValueError(
-                f"{self._name()} is NaN or infinite at every training row, with its constants at "
-                "the medians of their priors. Check units and priors."
+                f"{_name(self.function)} is NaN or infinite at every training row, with its "
+                "constants at the medians of their priors. Check units and priors."
             )
         return basis
 
-    def _name(self) -> str:
-        return f"The surrogate function {getattr(self.function, '__name__', self.function)!r}"
+
+def _name(function: CurveFunction) -> str:
+    return f"The surrogate function {getattr(function, '__name__', function)!r}"
 
 
 @dataclass(frozen=True)
@@ -161,15 +158,11 @@ class _ParametricBasis(Basis):
         with np.errstate(all="ignore"):  # constants far in their tails are impossible, no error
             values = np.asarray(self.function(X, omega, constants), dtype=float)
         if values.shape != (len(X),):
-            name = getattr(self.function, "__name__", repr(self.function))
             raise ValueError(
-                f"The surrogate function {name!r} must return shape ({len(X)},) for {len(X)} rows, "
-                f"got {values.shape}. It gets all rows of all draws at once: use numpy functions."
+                f"{_name(self.function)} must return shape ({len(X)},) for {len(X)} rows, got "
+                f"{values.shape}. It gets all rows of all draws at once: use numpy functions."
             )
         return values
-
-    def features(self, X: FloatArray, omega: FloatArray) -> FloatArray:
-        return np.empty((len(X), 0))
 
 
 def _straight(X: FloatArray, omega: FloatArray, constants: dict[str, FloatArray]) -> FloatArray:

@@ -115,7 +115,7 @@ def test_collapsed_density_is_the_dense_gaussian(drifting, beta, effects, n):
     powers = powers_of(beta)
     model = problem.model
     target = CollapsedPosterior(
-        model, X, y, problem.weights, problem.simulation, *powers, noise_prior, problem.scale
+        model, X, y, problem.weights, *powers, noise_prior, problem.scale, problem.simulation
     )
     rng = np.random.default_rng(0)
     u = np.column_stack([rng.normal(size=(6, model.n_unknowns)), rng.normal(-1, 0.7, 6)])
@@ -146,7 +146,7 @@ def test_collapsed_density_is_the_dense_gaussian(drifting, beta, effects, n):
             + log_sigma
             - 0.5 * np.dot(z, z)
         )
-    np.testing.assert_allclose(target.log_density(u), expected, rtol=1e-6, atol=1e-4)
+    np.testing.assert_allclose(target.search_density(u), expected, rtol=1e-6, atol=1e-4)
 
 
 def test_coefficients_given_few_rows_and_runs_are_the_conjugate_ones(drifting):
@@ -157,7 +157,7 @@ def test_coefficients_given_few_rows_and_runs_are_the_conjugate_ones(drifting):
     model, weights = problem.model, np.array([1.0, 2.0, 0.5])
     powers, sigma = (0.7, 0.4), 0.3
     target = CollapsedPosterior(
-        model, X, y, weights, problem.simulation, *powers, problem.noise_prior, problem.scale
+        model, X, y, weights, *powers, problem.noise_prior, problem.scale, problem.simulation
     )
     u = np.tile([0.4, np.log(sigma)], (20_000, 1))
     draws = np.hstack(target.draw_coefficients(u, np.random.RandomState(0)))
@@ -192,16 +192,16 @@ def test_large_batches_are_cut_without_a_seam(drifting, monkeypatch):
         X,
         y,
         problem.weights,
-        problem.simulation,
         1.0,
         1.0,
         problem.noise_prior,
         problem.scale,
+        problem.simulation,
     )
     u = np.random.default_rng(0).normal(-0.5, 0.5, (23, 2))
-    whole = target.log_density(u), target.draw_coefficients(u, np.random.RandomState(0))[0]
+    whole = target.search_density(u), target.draw_coefficients(u, np.random.RandomState(0))[0]
     monkeypatch.setattr("hybridsurrogate.inference.conjugate.collapsed.LARGE_BLOCK", 250)
-    cut = target.log_density(u), target.draw_coefficients(u, np.random.RandomState(0))[0]
+    cut = target.search_density(u), target.draw_coefficients(u, np.random.RandomState(0))[0]
     for one, other in zip(whole, cut, strict=True):
         np.testing.assert_allclose(one, other, rtol=1e-10)
 
