@@ -25,11 +25,8 @@ from hybridsurrogate.diagnosis.search.exact_scores import scored
 from hybridsurrogate.diagnosis.search.processes import at_best_noise
 from hybridsurrogate.diagnosis.search.search import Search
 from hybridsurrogate.diagnosis.search.setup import prepare, trained_emulator
-from hybridsurrogate.diagnosis.validation.cross_validation import (
-    in_parallel,
-    random_folds,
-    row_taker,
-)
+from hybridsurrogate.diagnosis.validation.cross_validation import in_parallel, random_folds
+from hybridsurrogate.diagnosis.validation.gain import Rows
 from hybridsurrogate.estimators.power_scaled import PowerScaledSurrogate
 from hybridsurrogate.exceptions import HybridSurrogateWarning
 from hybridsurrogate.likelihoods import as_likelihood
@@ -85,12 +82,10 @@ _CONVERGED, _MOST_STEPS = 1e-10, 20_000
 
 def held_out_densities(
     estimators: Sequence[PowerScaledSurrogate],
-    X: ArrayLike,
-    y: FloatArray,
+    rows: Rows,
     cv: int,
     random_state: np.random.RandomState,
     n_jobs: int | None = None,
-    y_err: FloatArray | None = None,
 ) -> FloatArray:
     """Return the log density of each measurement under each model fitted without its fold, (m, k).
 
@@ -98,25 +93,21 @@ def held_out_densities(
     ----------
     estimators : sequence of k PowerScaledSurrogate
         Not fitted.
-    X, y : array-like of shape (n, n_columns), ndarray of shape (n,) or (n, n_outputs)
+    rows : Rows
+        Measured.
     cv : int
         Folds, the same for all.
     random_state : RandomState
     n_jobs : int or None
-    y_err : ndarray of the shape of y, or None
 
     Returns
     -------
     ndarray of shape (m, k)
         Of all that was measured, row by row: m is n where there is one output without gaps.
     """
-    take, folds = row_taker(X), random_folds(len(y), cv, random_state)
+    y, folds = rows.y, random_folds(len(rows.y), cv, random_state)
     tasks = [
-        delayed(_densities)(
-            one,
-            (take(train), y[train], None if y_err is None else y_err[train]),
-            (take(test), y[test], None if y_err is None else y_err[test]),
-        )
+        delayed(_densities)(one, rows.take(train), rows.take(test))
         for train, test in folds
         for one in estimators
     ]
@@ -128,18 +119,12 @@ def held_out_densities(
     return out[np.isfinite(y)]
 
 
-def _densities(
-    estimator: PowerScaledSurrogate,
-    known: tuple[ArrayLike, FloatArray, FloatArray | None],
-    held: tuple[ArrayLike, FloatArray, FloatArray | None],
-) -> FloatArray:
+def _densities(estimator: PowerScaledSurrogate, train: Rows, test: Rows) -> FloatArray:
     with warnings.catch_warnings():
         # the fit to all rows has warned of the data, and held-out rows are beyond these
         warnings.simplefilter("ignore", HybridSurrogateWarning)
-        X, y, y_err = known
-        fitted: Any = clone(estimator).fit(X, y, y_err=y_err)
-        X, y, y_err = held
-        return np.asarray(fitted.log_predictive_density(X, y, y_err))
+        fitted: Any = clone(estimator).fit(*train)
+        return np.asarray(fitted.log_predictive_density(test.X, test.y, test.y_err))
 
 
 def stacking_weights(log_density: ArrayLike) -> NDArray[np.float64]:
@@ -312,19 +297,19 @@ def compare_simulations(
     X, y, _, y_err = without_gaps(X, y, None, y_err)
     X = complete_table(X, labels=first.experiment)
     fitted = {name: clone(one).fit(X, y, y_err=y_err) for name, one in models.items()}
-    y_err = next(iter(fitted.values())).data_.y_err
-    measured = next(iter(fitted.values())).measured_outputs(y)
+    one = next(iter(fitted.values()))
+    rows = Rows(X, one.measured_outputs(y), y_err=one.data_.y_err)
     unfitted = [clone(one) for one in models.values()]
     with one_blas_thread():
         evidence = np.array([log_evidence(one) for one in fitted.values()])
-        density = held_out_densities(unfitted, X, measured, int(cv), random, n_jobs, y_err)
+        density = held_out_densities(unfitted, rows, int(cv), random, n_jobs)
     diagnoses: dict[str, Any] = {}
     if diagnose:
         seed = random.randint(2**31 - 1)
         diagnoses = {
             name: DiscrepancyDiagnosis(
                 clone(one), cv=None, max_causes=max_causes, n_jobs=n_jobs, random_state=seed
-            ).fit(X, y, y_err=y_err)
+            ).fit(X, y, y_err=rows.y_err)
             for name, one in models.items()
         }
     table = _table(list(models), evidence, density, diagnoses)

@@ -23,17 +23,17 @@ from hybridsurrogate.diagnosis.answers.monitor import Monitor, followed, monitor
 from hybridsurrogate.diagnosis.checks.caution import Caution
 from hybridsurrogate.diagnosis.checks.columns import check_usable_columns
 from hybridsurrogate.diagnosis.checks.data import counted_rows
-from hybridsurrogate.diagnosis.checks.parameters import check_settings
+from hybridsurrogate.diagnosis.checks.parameters import checked_settings
 from hybridsurrogate.diagnosis.checks.residuals import ResidualCheck
 from hybridsurrogate.diagnosis.checks.simulation import EmulatorCheck
 from hybridsurrogate.diagnosis.fitting.diagnose import InterruptedDiagnosis, diagnose, with_gain
-from hybridsurrogate.diagnosis.fitting.result import DiagnosisResult, Settings
+from hybridsurrogate.diagnosis.fitting.result import DiagnosisResult
 from hybridsurrogate.diagnosis.fitting.sensitivity import prior_sensitivity
 from hybridsurrogate.diagnosis.search.search import Search
 from hybridsurrogate.diagnosis.source.python_code import extended_model, python_source
 from hybridsurrogate.diagnosis.stored import restored, stored
 from hybridsurrogate.diagnosis.validation.beta_scan import BetaScans
-from hybridsurrogate.diagnosis.validation.gain import HeldOutGain, gain_on
+from hybridsurrogate.diagnosis.validation.gain import HeldOutGain, Rows, gain_on
 from hybridsurrogate.effects.base import Cause
 from hybridsurrogate.estimators.averaged import leading
 from hybridsurrogate.estimators.power_scaled import PowerScaledSurrogate
@@ -244,7 +244,7 @@ class DiscrepancyDiagnosis(RegressorMixin, BaseEstimator):
     refinement_: pd.DataFrame
     monitor_: Monitor
     n_features_in_: int
-    _new: tuple[Any, FloatArray, FloatArray | None]
+    _new: Rows
 
     def __init__(
         self,
@@ -333,28 +333,18 @@ class DiscrepancyDiagnosis(RegressorMixin, BaseEstimator):
         -------
         self
         """
-        check_settings(
-            estimator=self.estimator,
-            causes=self.causes,
-            exclude=self.exclude,
-            false_alarm_rate=self.false_alarm_rate,
-            n_replicates=self.n_replicates,
-            cv=self.cv,
-            max_causes=self.max_causes,
-            n_jobs=self.n_jobs,
-            progress=self.progress,
-        )
+        params: dict[str, Any] = self.get_params(deep=False)
+        settings = checked_settings(**params, text=repr(self))
         labels = getattr(self.estimator, "experiment", None)
         check_outcomes(y, as_likelihood(getattr(self.estimator, "likelihood", "normal")))
         X, y_err = taken_out(X, y_err)
         check_consistent_length(X, y)
-        X, y, weights, y_err = without_gaps(X, y, sample_weight, y_err)
-        X = complete_table(X, labels=labels)
-        X, y, weights, y_err = counted_rows(X, y, weights, y_err)
-        check_usable_columns(X, y, getattr(self.estimator, "simulation", None))
-        settings, random = self._settings(), check_random_state(self.random_state)
+        rows = Rows(*without_gaps(X, y, sample_weight, y_err))
+        rows = counted_rows(rows._replace(X=complete_table(rows.X, labels=labels)))
+        check_usable_columns(rows.X, rows.y, getattr(self.estimator, "simulation", None))
+        random = check_random_state(self.random_state)
         try:
-            result = diagnose(self.estimator, X, y, weights, y_err, settings, random)
+            result = diagnose(self.estimator, rows, settings, random)
         except InterruptedDiagnosis as stop:
             known = {"search_": stop.search, "causes_": stop.causes}
             self._set({} if stop.search is None else known)
@@ -536,12 +526,12 @@ class DiscrepancyDiagnosis(RegressorMixin, BaseEstimator):
         """
         check_is_fitted(self)
         before, after, result = self.estimator_, self.extended_estimator_, self.result_
-        known_X = complete_table(result.X, labels=before.experiment)
-        known_y = self.measured_outputs(result.y)
-        none = None if result.y_err is None else result.y_err[:0]
-        earlier = self._new if hasattr(self, "monitor_") else (known_X[:0], known_y[:0], none)
-        self._new = followed(before, after, X, y, y_err, earlier)
-        known = known_X, known_y, result.weights, result.y_err
+        rows = result.rows
+        known = rows._replace(
+            X=complete_table(rows.X, labels=before.experiment), y=self.measured_outputs(rows.y)
+        )
+        earlier = self._new if hasattr(self, "monitor_") else known.take(slice(0))
+        self._new = followed(before, after, X, y, y_err, earlier._replace(weights=None))
         rate = result.settings.false_alarm_rate
         self.monitor_ = monitored(after, self.search_, known, self._new, rate)
         return self.monitor_
@@ -854,20 +844,6 @@ class DiscrepancyDiagnosis(RegressorMixin, BaseEstimator):
         if axes is None:
             axes = plt.subplots(2, 1, sharex=True, figsize=(7.2, 4.8), layout="constrained")[1]
         return overview(view, held_out, axes)
-
-    def _settings(self) -> Settings:
-        return Settings(
-            causes=tuple(self.causes),
-            exclude=tuple(self.exclude),
-            false_alarm_rate=self.false_alarm_rate,
-            n_replicates=int(self.n_replicates),
-            cv=None if self.cv is None else int(self.cv),
-            max_causes=int(self.max_causes),
-            n_jobs=self.n_jobs,
-            random_state=self.random_state,
-            progress=bool(self.progress),
-            text=repr(self),
-        )
 
     def _set(self, found: Mapping[str, Any]) -> None:
         """Put what was found in place of all that an earlier fit found."""

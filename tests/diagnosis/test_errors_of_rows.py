@@ -54,7 +54,7 @@ def test_a_wave_is_named_and_what_it_gains_counts_the_errors(noise):
     found = diagnosis(noise, cv=2).fit(table, y, y_err="sd")
     assert found.best_cause_.kind == "periodic"
     assert found.gain_.elpd_difference > 0
-    assert found.result_.y_err.tolist() == table["sd"].tolist()
+    assert found.result_.rows.y_err.tolist() == table["sd"].tolist()
     # a table with the errors, one without, and errors apart
     with_column = found.score(table, y)
     assert with_column == pytest.approx(found.score(table[["t"]], y, y_err=table["sd"]), rel=1e-12)

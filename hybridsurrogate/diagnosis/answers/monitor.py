@@ -23,6 +23,7 @@ from sklearn.utils import check_consistent_length
 
 from hybridsurrogate.diagnosis.answers.experimental_design import rows_as_table
 from hybridsurrogate.diagnosis.search.search import Search
+from hybridsurrogate.diagnosis.validation.gain import Rows
 from hybridsurrogate.estimators.averaged import AveragedSurrogate
 from hybridsurrogate.estimators.power_scaled import PowerScaledSurrogate
 from hybridsurrogate.likelihoods import Likelihood, TransformedNormal
@@ -97,8 +98,8 @@ class Monitor:
 def monitored(
     estimator: PowerScaledSurrogate | AveragedSurrogate,
     found: Search,
-    known: tuple[Any, FloatArray, FloatArray | None, FloatArray | None],
-    new: tuple[Any, FloatArray, FloatArray | None],
+    known: Rows,
+    new: Rows,
     false_alarm_rate: float,
 ) -> Monitor:
     """Return whether new measurements agree with a fitted estimator.
@@ -109,43 +110,36 @@ def monitored(
         Fitted. The weights of what is averaged follow the new measurements.
     found : Search
         Of the diagnosis.
-    known : X, y, weights and errors
-        Measured data that the estimator was fitted to; None for weights of one, and no errors.
-    new : X, y and errors
+    known : Rows
+        Measured data that the estimator was fitted to.
+    new : Rows
         Further ones, in the order in which they came.
     false_alarm_rate : float
     """
-    X, y, errors = new
     parts: list[FloatArray] = []
     first, limit = 0, np.log(1 / false_alarm_rate)
     models, shares = _averaged(estimator)
     while True:
-        deviation, n_rows, shares = _deviations(
-            models,
-            shares,
-            X[first : first + _MOST_ROWS],
-            y[first:],
-            None if errors is None else errors[first : first + _MOST_ROWS],
-        )
+        some = new.take(slice(first, first + _MOST_ROWS))
+        deviation, n_rows, shares = _deviations(models, shares, some)
         parts.append(deviation)
         first += n_rows
         odds, began = log_odds(np.concatenate(parts))
-        if first >= len(y) or np.any(odds >= limit):
+        if first >= len(new.y) or np.any(odds >= limit):
             break
-        so_far = joined(known[0], X[:first]), np.concatenate([known[1], y[:first]])
-        weights = None if known[2] is None else np.concatenate([known[2], np.ones(first)])
+        so_far = joined(known, new.take(slice(first)))
         kept = np.flatnonzero(shares > _LEAST_WEIGHT)
-        y_err = None if errors is None else np.concatenate([known[3], errors[:first]])
-        models = [clone(models[k]).fit(*so_far, weights, y_err) for k in kept]
+        models = [clone(models[k]).fit(*so_far) for k in kept]
         shares = shares[kept]
     passed = np.flatnonzero(odds >= limit)
     end = int(passed[0]) + 1 if len(passed) else len(odds)
-    table = rows_as_table(found, estimator.checked_rows(X), estimator.data_.experiments)
-    table = table.assign(y=np.ravel(y))[np.isfinite(np.ravel(y))].iloc[:end]
+    table = rows_as_table(found, estimator.checked_rows(new.X), estimator.data_.experiments)
+    y = np.ravel(new.y)
+    table = table.assign(y=y)[np.isfinite(y)].iloc[:end]
     table = table.assign(deviation=np.concatenate(parts)[:end], e_value=np.exp(odds[:end]))
-    if not len(passed):
-        return Monitor(table.reset_index(drop=True), None, None, false_alarm_rate)
-    return Monitor(table.reset_index(drop=True), end - 1, int(began[end - 1]), false_alarm_rate)
+    since = int(began[end - 1]) if len(passed) else None
+    alarm_at = end - 1 if len(passed) else None
+    return Monitor(table.reset_index(drop=True), alarm_at, since, false_alarm_rate)
 
 
 def followed(
@@ -154,8 +148,8 @@ def followed(
     X: ArrayLike,
     y: ArrayLike,
     y_err: Any,
-    earlier: tuple[Any, FloatArray, FloatArray | None],
-) -> tuple[Any, FloatArray, FloatArray | None]:
+    earlier: Rows,
+) -> Rows:
     """Return new rows as the fitted models read them, after those that came earlier.
 
     Parameters
@@ -165,8 +159,8 @@ def followed(
     X, y : array-like of shape (n, n_columns), (n,) or (n, n_outputs)
     y_err : float, str, array-like of the shape of y, or None
         Of a fit with errors; None: their median.
-    earlier : X, y and errors
-        Without rows where none came.
+    earlier : Rows
+        Without any where none came.
     """
     X, y_err = new_errors(X, y_err, before.data_)
     if len(before.simulation.outputs) == 1:
@@ -174,21 +168,28 @@ def followed(
     X, values = complete_table(X, labels=before.experiment), before.measured_outputs(y)
     check_consistent_length(X, values)
     after.checked_rows(X, y_err, values)
-    errors = None
-    if earlier[2] is not None:
+    if earlier.y_err is not None:
         usual = np.nanmedian(before.data_.y_err, axis=0)
-        new = np.broadcast_to(as_numbers(usual if y_err is None else y_err, "y_err"), values.shape)
-        errors = np.concatenate([earlier[2], new])
-    return joined(earlier[0], X), np.concatenate([earlier[1], values]), errors
+        y_err = np.broadcast_to(
+            as_numbers(usual if y_err is None else y_err, "y_err"), values.shape
+        )
+    return joined(earlier, Rows(X, values, None, y_err))
 
 
-def joined(first: Any, second: Any) -> Any:
-    """Return the rows of two tables, one after the other, in the form of the first."""
-    if not isinstance(first, pd.DataFrame):
-        return np.concatenate([as_numbers(first, "X"), as_numbers(second, "X")])
-    if not isinstance(second, pd.DataFrame):
-        second = pd.DataFrame(as_numbers(second, "X"), columns=first.columns)
-    return pd.concat([first, second], ignore_index=True)
+def joined(first: Rows, second: Rows) -> Rows:
+    """Return the rows of two sets, one after the other, in the form of the first."""
+    X = second.X
+    if not isinstance(first.X, pd.DataFrame):
+        X = np.concatenate([as_numbers(first.X, "X"), as_numbers(X, "X")])
+    else:
+        if not isinstance(X, pd.DataFrame):
+            X = pd.DataFrame(as_numbers(X, "X"), columns=first.X.columns)
+        X = pd.concat([first.X, X], ignore_index=True)
+    weights = first.weights
+    if weights is not None:
+        weights = np.concatenate([weights, np.ones(len(second.y))])
+    y_err = None if first.y_err is None else np.concatenate([first.y_err, second.y_err])
+    return Rows(X, np.concatenate([first.y, second.y]), weights, y_err)
 
 
 def _averaged(
@@ -202,18 +203,15 @@ def _averaged(
 def _deviations(
     models: Sequence[PowerScaledSurrogate],
     shares: FloatArray,
-    X: Any,
-    y: FloatArray,
-    errors: FloatArray | None,
+    new: Rows,
 ) -> tuple[FloatArray, int, FloatArray]:
     """Return the deviation of each measurement, and the rows after which the draws are used up.
 
     And the share of each model by then. Draws are weighted by the measurements before, by
     importance sampling.
     """
-    model = models[0]
-    values = y[: len(X)]
-    rows = model.checked_rows(X, errors, values)
+    model, values = models[0], new.y
+    rows = model.checked_rows(new.X, new.y_err, values)
     width = 1
     if model.data_.stacking is not None:
         width, values = len(model.data_.stacking.names), model.data_.stacking.values(values)
@@ -235,7 +233,7 @@ def _deviations(
     # a whole row of outputs at a time, and the first row in any case
     spent = there[worth < least] // width
     spent = spent[spent > 0]
-    n_rows = int(spent[0]) if len(spent) else len(X)
+    n_rows = int(spent[0]) if len(spent) else len(new.y)
     used = there // width < n_rows
     below = _below(likelihood, values[used], eta[:, used], sigma[:, used])
     share = np.sum(weight[:, :-1][:, used] * below, axis=0)

@@ -2,12 +2,8 @@
 
 from __future__ import annotations
 
-import warnings
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
-
-from hybridsurrogate.exceptions import DiagnosisWarning
 
 
 class Caution(NamedTuple):
@@ -24,18 +20,6 @@ class Caution(NamedTuple):
 
     about: str
     sentence: str
-
-
-def warn_of(cautions: Sequence[Caution], stacklevel: int) -> None:
-    """Warn the caller of ``fit`` of each.
-
-    Parameters
-    ----------
-    cautions : sequence of Caution
-    stacklevel : int
-    """
-    for one in cautions:
-        warnings.warn(one.sentence, DiagnosisWarning, stacklevel=stacklevel)
 
 
 @dataclass(frozen=True)

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 from scipy.spatial import KDTree
 from sklearn.utils import check_consistent_length
 
@@ -15,7 +15,7 @@ from hybridsurrogate.diagnosis.checks.simulation import EmulatorCheck
 from hybridsurrogate.diagnosis.search.candidate import Candidate
 from hybridsurrogate.diagnosis.search.context import BLUR, FLOOR
 from hybridsurrogate.diagnosis.search.search import Search, predict_locally
-from hybridsurrogate.diagnosis.validation.cross_validation import row_taker
+from hybridsurrogate.diagnosis.validation.gain import Rows
 from hybridsurrogate.effects.noise.outliers import GrossError
 from hybridsurrogate.likelihoods import Likelihood
 from hybridsurrogate.model.posterior import Posterior
@@ -28,32 +28,22 @@ from hybridsurrogate.simulation.outputs import OUTPUT
 from hybridsurrogate.types import FloatArray
 
 
-def counted_rows(
-    X: Any, y: Any, sample_weight: ArrayLike | None, y_err: Any = None
-) -> tuple[Any, Any, FloatArray | None, Any]:
+def counted_rows(rows: Rows) -> Rows:
     """Return the rows that have a weight, their weights (None: all one), and their errors.
-
-    Parameters
-    ----------
-    X, y : array-like of shape (n, n_columns), (n,) or (n, n_outputs)
-    sample_weight : array-like of shape (n,) or None
-    y_err : float, array-like of the shape of y, or None
 
     Raises
     ------
     ValueError
         For weights that are unusable.
     """
-    if sample_weight is None or X is None or y is None:  # an estimator reports what is missing
-        return X, y, None, y_err
+    X, y, weights, _ = rows
+    if weights is None or X is None or y is None:  # an estimator reports what is missing
+        return rows._replace(weights=None)
     check_consistent_length(X, y)
-    weights = check_weights(sample_weight, len(X))
+    weights = check_weights(weights, len(X))
     if np.all(weights == 1.0):
-        return X, y, None, y_err
-    kept = np.flatnonzero(weights > 0)
-    if np.ndim(y_err):
-        y_err = row_taker(y_err)(kept)
-    return row_taker(X)(kept), row_taker(y)(kept), weights[kept], y_err
+        return rows._replace(weights=None)
+    return rows._replace(weights=weights).take(np.flatnonzero(weights > 0))
 
 
 def copies(X: FloatArray, y: FloatArray) -> int:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Iterator, Sequence
+from dataclasses import dataclass, field
 from numbers import Integral, Real
 from typing import Any
 
@@ -17,6 +18,7 @@ from sklearn.utils import check_scalar
 
 from hybridsurrogate.arguments import check_flag, check_n_jobs, check_number
 from hybridsurrogate.diagnosis.checks.caution import SETTINGS
+from hybridsurrogate.effects.base import Cause
 from hybridsurrogate.effects.registry import kinds
 from hybridsurrogate.estimators.power_scaled import PowerScaledSurrogate, as_causes
 from hybridsurrogate.exceptions import did_you_mean
@@ -25,19 +27,54 @@ from hybridsurrogate.priors import prior_sd
 from hybridsurrogate.types import FloatArray
 
 
-def check_settings(
+@dataclass(frozen=True, eq=False)
+class Settings:
+    """The parameters of a `DiscrepancyDiagnosis` at its fit; a later `set_params` changes none.
+
+    Attributes
+    ----------
+    causes : tuple of Cause
+        Of the user.
+    exclude : tuple of str
+        Kinds that are not compared.
+    false_alarm_rate : float
+    n_replicates : int
+    cv : int or None
+    max_causes : int
+    n_jobs : int or None
+    random_state : int, RandomState or None
+    progress : bool
+    text : str
+        The diagnosis as it prints, its estimator included.
+    """
+
+    causes: tuple[Cause, ...]
+    exclude: tuple[str, ...]
+    false_alarm_rate: float
+    n_replicates: int
+    cv: int | None
+    max_causes: int
+    n_jobs: int | None
+    random_state: int | np.random.RandomState | None
+    progress: bool
+    text: str = field(default="", repr=False)
+
+
+def checked_settings(
     *,
     estimator: Any,
-    causes: Any,
-    exclude: Any,
+    causes: Any = (),
+    exclude: Any = (),
     false_alarm_rate: Any,
     n_replicates: Any,
-    cv: Any,
-    max_causes: Any,
-    n_jobs: Any,
-    progress: Any,
-) -> None:
-    """Raise TypeError or ValueError, with a way out, for parameters that cannot work."""
+    cv: Any = None,
+    max_causes: Any = 1,
+    n_jobs: Any = None,
+    random_state: Any = None,
+    progress: Any = False,
+    text: str = "",
+) -> Settings:
+    """Return what a fit is told; TypeError or ValueError, with a way out, for what cannot work."""
     check_diagnosable(estimator)
     check_scalar(max_causes, "max_causes", Integral, min_val=1)
     if cv is not None:
@@ -63,6 +100,18 @@ def check_settings(
         raise ValueError(
             f"n_replicates = {n} cannot give a p-value of {rate}: use at least {fewest}."
         )
+    return Settings(
+        tuple(causes),
+        tuple(exclude),
+        rate,
+        int(n),
+        None if cv is None else int(cv),
+        int(max_causes),
+        n_jobs,
+        random_state,
+        bool(progress),
+        text,
+    )
 
 
 def check_rows(n: int, columns: Collection[str], numbers: Collection[str]) -> None:

@@ -7,19 +7,17 @@ from collections.abc import Sequence
 from contextlib import nullcontext
 from copy import deepcopy
 from dataclasses import replace
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
-import pandas as pd
 from joblib import parallel_config
-from numpy.typing import ArrayLike
 from sklearn.base import clone
 
 from hybridsurrogate.diagnosis.answers.discrepancy import estimate_discrepancies
 from hybridsurrogate.diagnosis.answers.experimental_design import NextMeasurement, next_measurement
 from hybridsurrogate.diagnosis.answers.finding import cause_table, finding_of, not_reached
-from hybridsurrogate.diagnosis.checks.caution import Caution, warn_of
-from hybridsurrogate.diagnosis.checks.columns import doubtful_columns
+from hybridsurrogate.diagnosis.checks.caution import Caution
+from hybridsurrogate.diagnosis.checks.columns import Ranges, doubtful_columns
 from hybridsurrogate.diagnosis.checks.data import (
     cautions_of_dispersion,
     cautions_of_rounding,
@@ -29,6 +27,7 @@ from hybridsurrogate.diagnosis.checks.data import (
     is_exact,
 )
 from hybridsurrogate.diagnosis.checks.parameters import (
+    Settings,
     check_each_output,
     check_rows,
     confounded,
@@ -36,14 +35,9 @@ from hybridsurrogate.diagnosis.checks.parameters import (
     sentences_on_parameters,
 )
 from hybridsurrogate.diagnosis.checks.simulation import check_emulator, warn_if_rough, warn_if_slow
-from hybridsurrogate.diagnosis.fitting.result import (
-    Conclusion,
-    DiagnosisResult,
-    Extension,
-    Settings,
-)
+from hybridsurrogate.diagnosis.fitting.result import Conclusion, DiagnosisResult, Extension
 from hybridsurrogate.diagnosis.fitting.verdict import concluded, contradicted
-from hybridsurrogate.diagnosis.search.context import InterruptedSearch, blurred, on_working_rows
+from hybridsurrogate.diagnosis.search.context import blurred, on_working_rows
 from hybridsurrogate.diagnosis.search.forward_selection import (
     SearchStep,
     forward_search,
@@ -57,7 +51,7 @@ from hybridsurrogate.diagnosis.validation.cross_validation import (
     folds_beyond,
     random_folds,
 )
-from hybridsurrogate.diagnosis.validation.gain import in_one_word
+from hybridsurrogate.diagnosis.validation.gain import Rows, in_one_word
 from hybridsurrogate.diagnosis.validation.refit import (
     Pair,
     Refit,
@@ -66,16 +60,13 @@ from hybridsurrogate.diagnosis.validation.refit import (
     extended_simulator,
 )
 from hybridsurrogate.effects.base import Cause
-from hybridsurrogate.estimators.averaged import AveragedSurrogate, leading
+from hybridsurrogate.estimators.averaged import leading
 from hybridsurrogate.estimators.emulation import as_given
 from hybridsurrogate.estimators.power_scaled import PowerScaledSurrogate, as_causes
-from hybridsurrogate.exceptions import ConfoundingWarning
+from hybridsurrogate.exceptions import ConfoundingWarning, DiagnosisWarning
 from hybridsurrogate.inference.procedure import AtPriorEnd, at_prior_ends
-from hybridsurrogate.model.posterior import Posterior
-from hybridsurrogate.model.statistics import EmulatorPosterior
 from hybridsurrogate.notebook import doing
 from hybridsurrogate.numerics.linear_algebra import one_blas_thread
-from hybridsurrogate.types import FloatArray
 
 
 def with_gain(
@@ -106,10 +97,9 @@ def with_gain(
     )
     within = random_folds(len(y), cv, deepcopy(result.fold_random))
     beyond = folds_beyond(before.simulation, X)
+    rows = result.rows._replace(y=y)
     with one_blas_thread():
-        gain, out_of_range = cross_validated(
-            refitted, within, beyond, result.X, y, n_jobs, progress, result.weights, result.y_err
-        )
+        gain, out_of_range = cross_validated(refitted, within, beyond, rows, n_jobs, progress)
     return replace(result, gain=gain, gain_out_of_range=out_of_range)
 
 
@@ -117,9 +107,7 @@ def extend(
     before: Any,
     steps: Sequence[SearchStep],
     conclusion: Conclusion,
-    kept: tuple[ArrayLike, ArrayLike],
-    weights: FloatArray | None,
-    y_err: FloatArray | None,
+    rows: Rows,
     n_jobs: int | None,
 ) -> Extension:
     """Return the model after, with a `ConfoundingWarning` of what the data cannot separate.
@@ -130,10 +118,8 @@ def extend(
         Fitted.
     steps : sequence of SearchStep
     conclusion : Conclusion
-    kept : (X, y)
+    rows : Rows
         A copy of what was measured, for later scans over the weight.
-    weights : ndarray of shape (n,) or None
-    y_err : ndarray of the shape of y, or None
     n_jobs : int or None
         For these scans.
     """
@@ -158,20 +144,8 @@ def extend(
         discrepancy=bands[(first and first.output) or outputs[0]],
         confounded=table,
         at_prior_end=_at_prior_end(causes, before, found, conclusion.verdict),
-        beta_scans=BetaScans((before, found), *kept, n_jobs, weights, y_err),
+        beta_scans=BetaScans((before, found), rows, n_jobs),
     )
-
-
-def posteriors_of_mean(
-    before: Any,
-    after: PowerScaledSurrogate | AveragedSurrogate,
-    steps: Sequence[SearchStep],
-) -> list[Posterior]:
-    """Return the posterior before and, where the cause is in the mean, that after."""
-    causes = accepted(steps)
-    of_any_shape = any(cause.is_process for cause in causes)
-    found = [] if of_any_shape or not causes else [leading(after).posterior_]
-    return [before.posterior_, *found]
 
 
 def _at_prior_end(
@@ -200,39 +174,24 @@ class InterruptedDiagnosis(KeyboardInterrupt):
         What a warning says of it.
     """
 
-    def __init__(self, search: Search | None, causes: pd.DataFrame | None, n_causes: int) -> None:
+    def __init__(self, search: Search | None, prepared: Prepared) -> None:
         super().__init__("the diagnosis was interrupted")
-        n = 0 if search is None else len(search.candidates) - 1
-        self.search, self.causes = search, causes
+        self.search, self.causes, n = search, None, 0
+        if search is not None:
+            left = not_reached(search, prepared.causes)
+            self.causes, n = (
+                cause_table(search, [*left, *prepared.skipped]),
+                len(search.candidates) - 1,
+            )
         self.sentence = (
-            f"The diagnosis was interrupted: {n} of {n_causes} causes had been compared"
+            f"The diagnosis was interrupted: {n} of {len(prepared.causes)} causes had been compared"
             f"{', and causes_ lists them' if n else ''}. There is no gain, and no report."
         )
 
 
-class Compared(NamedTuple):
-    """All causes compared.
-
-    Attributes
-    ----------
-    steps : list of SearchStep
-    emulator : EmulatorPosterior
-        Given the runs alone.
-    doubts : list of Caution
-        Of the data, from the first search.
-    """
-
-    steps: list[SearchStep]
-    emulator: EmulatorPosterior
-    doubts: list[Caution]
-
-
 def diagnose(
     estimator: PowerScaledSurrogate | None,
-    X: ArrayLike,
-    y: ArrayLike,
-    weights: FloatArray | None,
-    y_err: Any,
+    rows: Rows,
     settings: Settings,
     random: np.random.RandomState,
 ) -> DiagnosisResult:
@@ -244,10 +203,8 @@ def diagnose(
     ----------
     estimator : PowerScaledSurrogate
         Not fitted.
-    X, y : array-like of shape (n, n_columns), (n,) or (n, n_outputs)
-        Without gaps.
-    weights : ndarray of shape (n,) or None
-    y_err : array-like of the shape of y, or None
+    rows : Rows
+        Measured, without gaps; where a fit makes runs, processes share them.
     settings : Settings
     random : RandomState
 
@@ -256,52 +213,55 @@ def diagnose(
     InterruptedDiagnosis
         On an interrupt once causes are being compared.
     """
-    before = fitted_before(estimator, X, y, weights, y_err, settings.n_jobs)
+    jobs = settings.n_jobs
+    with nullcontext() if jobs is None else parallel_config(n_jobs=jobs):
+        before = as_given(clone(estimator).fit(*rows))
+    check_each_output(before.measured_[1], before.simulation.outputs)
     prepared = prepare(before, settings.causes, settings.exclude, settings.max_causes)
     prepared.warn()
-    cautions = checked(prepared, before)
-    warn_if_slow(prepared.problem, settings.cv)
-    warn_if_rough(prepared.problem)
-    search: Search | None = None
-    causes: pd.DataFrame | None = None
+    problem, ranges = prepared.problem, before.data_.simulation.input_ranges
+    model = problem.model
+    check_rows(len(problem.y), model.columns, [*model.parameters, *model.constants])
+    check_digits(problem)
+    cautions = [*copied_rows(problem.X, problem.y), *doubtful_columns(problem, ranges)]
+    warn_if_slow(problem, settings.cv)
+    warn_if_rough(problem)
+    steps: list[SearchStep] = []
     try:
         with one_blas_thread(), doing("Search", settings.progress):
-            compared = compare(prepared, before, settings, random)
-            search = compared.steps[0].search
-            check = check_emulator(search, prepared.problem.model.basis, before.data_.simulation)
+            steps, known = compare(prepared, before, settings, random)
+            first = steps[0]
+            check = check_emulator(first.search, model.basis, before.data_.simulation)
             if check is not None:
                 cautions += check.cautions(before.surrogate_)
-            steps = compared.steps
-            causes = cause_table(steps[0].conditional, prepared.skipped)
-            conclusion, doubts = concluded(
-                steps, before, prepared.problem, check, compared.doubts, settings
-            )
+            causes = cause_table(first.conditional, prepared.skipped)
+            conclusion, doubts = concluded(steps, before, problem, check, known, settings)
             cautions += doubts
-            asked, place = _asked(steps, before)
-            rows = deepcopy((X, y))
-            extension = extend(
-                before, steps, conclusion, rows, weights, before.data_.y_err, settings.n_jobs
-            )
-        known = as_causes(before.effects)
-        cautions += contradicted(leading(extension.estimator).posterior_, known)
-        posteriors = posteriors_of_mean(before, extension.estimator, steps)
-        cautions += cautions_of_dispersion(prepared.problem, posteriors)
+            asked, place = _asked(steps, ranges)
+            # a copy: the user's table may change
+            rows = deepcopy(rows)._replace(y_err=before.data_.y_err)
+            extension = extend(before, steps, conclusion, rows, jobs)
+        found, accepted_ = leading(extension.estimator).posterior_, accepted(steps)
+        cautions += contradicted(found, as_causes(before.effects))
+        posteriors = [before.posterior_]
+        if accepted_ and not any(cause.is_process for cause in accepted_):
+            posteriors.append(found)
+        cautions += cautions_of_dispersion(problem, posteriors)
         cautions += cautions_of_rounding(before.likelihood_, check)
     except KeyboardInterrupt as stop:
-        raise _interrupted(stop, search, causes, prepared) from stop
+        search = steps[0].search if steps else getattr(stop, "kept", None)
+        raise InterruptedDiagnosis(search, prepared) from stop
     finally:
-        warn_of(cautions, stacklevel=4)
+        for one in cautions:
+            warnings.warn(one.sentence, DiagnosisWarning, stacklevel=3)
     return DiagnosisResult(
         settings=settings,
-        X=rows[0],
-        y=rows[1],
-        weights=weights,
-        y_err=before.data_.y_err,
+        rows=rows,
         fold_random=deepcopy(random),
         before=before,
         steps=tuple(steps),
         causes=causes,
-        indistinguishable=tuple(steps[0].conditional.credible_kinds),
+        indistinguishable=tuple(first.conditional.credible_kinds),
         asked=asked,
         next_measurement=place,
         emulator_check=check,
@@ -311,38 +271,10 @@ def diagnose(
     )
 
 
-def fitted_before(
-    estimator: PowerScaledSurrogate | None,
-    X: ArrayLike,
-    y: ArrayLike,
-    weights: FloatArray | None,
-    y_err: Any,
-    n_jobs: int | None,
-) -> Any:
-    """Return the model before, fitted; where its fit makes runs, processes share them."""
-    with nullcontext() if n_jobs is None else parallel_config(n_jobs=n_jobs):
-        before = as_given(clone(estimator).fit(X, y, weights, y_err))
-    check_each_output(before.measured_[1], before.simulation.outputs)
-    return before
-
-
-def checked(prepared: Prepared, before: Any) -> list[Caution]:
-    """Return what makes measured rows doubtful; raise where they serve no diagnosis."""
-    problem = prepared.problem
-    model = problem.model
-    check_rows(len(problem.y), model.columns, [*model.parameters, *model.constants])
-    check_digits(problem)
-    ranges = before.data_.simulation.input_ranges
-    return [*copied_rows(problem.X, problem.y), *doubtful_columns(problem, ranges)]
-
-
 def compare(
-    prepared: Prepared,
-    before: Any,
-    settings: Settings,
-    random: np.random.RandomState,
-) -> Compared:
-    """Return all causes compared, one search after the other.
+    prepared: Prepared, before: Any, settings: Settings, random: np.random.RandomState
+) -> tuple[list[SearchStep], list[Caution]]:
+    """Return all causes compared, one search after the other, and doubts of the data from it.
 
     Parameters
     ----------
@@ -353,33 +285,16 @@ def compare(
     """
     problem, emulator = trained_emulator(prepared.problem, before)
     problem = on_working_rows(problem, before.posterior_)
-    doubts: list[Caution] = []
     limits = settings.max_causes, settings.false_alarm_rate, settings.n_replicates
     steps = forward_search(problem, prepared.causes, emulator, *limits, random)
-    if is_exact(steps[0].search):
-        steps = forward_search(blurred(problem), prepared.causes, emulator, *limits, random)
-        doubts = exact(steps[0].search)
-    return Compared(steps, emulator, doubts)
+    if not is_exact(steps[0].search):
+        return steps, []
+    steps = forward_search(blurred(problem), prepared.causes, emulator, *limits, random)
+    return steps, exact(steps[0].search)
 
 
-def _asked(steps: Sequence[SearchStep], before: Any) -> tuple[Search, NextMeasurement]:
+def _asked(steps: Sequence[SearchStep], ranges: Ranges) -> tuple[Search, NextMeasurement]:
     """Return the search about which one more measurement informs most, and where that is."""
-    ranges = before.data_.simulation.input_ranges
     places = [next_measurement(step.conditional, ranges) for step in steps]
     most = max(range(len(steps)), key=lambda k: places[k].information)
     return steps[most].conditional, places[most]
-
-
-def _interrupted(
-    stop: KeyboardInterrupt,
-    search: Search | None,
-    causes: pd.DataFrame | None,
-    prepared: Prepared,
-) -> InterruptedDiagnosis:
-    """Return an interrupt with what had been compared by then."""
-    if search is None and isinstance(stop, InterruptedSearch):
-        search = stop.kept or None
-    if search is not None and causes is None:
-        left = not_reached(search, prepared.causes)
-        causes = cause_table(search, [*left, *prepared.skipped])
-    return InterruptedDiagnosis(search, causes, len(prepared.causes))

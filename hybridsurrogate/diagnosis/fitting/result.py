@@ -2,63 +2,28 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import pandas as pd
-from numpy.typing import ArrayLike
 
 from hybridsurrogate.diagnosis.answers.discrepancy import Discrepancy
 from hybridsurrogate.diagnosis.answers.experimental_design import NextMeasurement
 from hybridsurrogate.diagnosis.answers.finding import CauseFinding
 from hybridsurrogate.diagnosis.checks.caution import Caution
+from hybridsurrogate.diagnosis.checks.parameters import Settings
 from hybridsurrogate.diagnosis.checks.residuals import ResidualCheck
 from hybridsurrogate.diagnosis.checks.simulation import EmulatorCheck
 from hybridsurrogate.diagnosis.search.forward_selection import SearchStep
 from hybridsurrogate.diagnosis.search.null_test import NullTest
 from hybridsurrogate.diagnosis.search.search import Search
 from hybridsurrogate.diagnosis.validation.beta_scan import BetaScans
-from hybridsurrogate.diagnosis.validation.gain import HeldOutGain
-from hybridsurrogate.effects.base import Cause
+from hybridsurrogate.diagnosis.validation.gain import HeldOutGain, Rows
 from hybridsurrogate.estimators.averaged import AveragedSurrogate
 from hybridsurrogate.estimators.power_scaled import PowerScaledSurrogate
 from hybridsurrogate.inference.procedure import AtPriorEnd
 from hybridsurrogate.simulation.simulator import Simulator
-from hybridsurrogate.types import FloatArray
-
-
-@dataclass(frozen=True, eq=False)
-class Settings:
-    """The parameters of a `DiscrepancyDiagnosis` at its fit; a later `set_params` changes none.
-
-    Attributes
-    ----------
-    causes : tuple of Cause
-        Of the user.
-    exclude : tuple of str
-        Kinds that are not compared.
-    false_alarm_rate : float
-    n_replicates : int
-    cv : int or None
-    max_causes : int
-    n_jobs : int or None
-    random_state : int, RandomState or None
-    progress : bool
-    text : str
-        The diagnosis as it prints, its estimator included.
-    """
-
-    causes: tuple[Cause, ...]
-    exclude: tuple[str, ...]
-    false_alarm_rate: float
-    n_replicates: int
-    cv: int | None
-    max_causes: int
-    n_jobs: int | None
-    random_state: int | np.random.RandomState | None
-    progress: bool
-    text: str = field(default="", repr=False)
 
 
 @dataclass(frozen=True)
@@ -69,11 +34,13 @@ class Conclusion:
     ----------
     verdict : {"adequate", "named", "nearest", "ambiguous", "unexplained", "undecided"}
     concerns : {"simulation", "noise", "inputs", "data", "prior"} or None
-        What is at fault.
+        What is at fault; None where nothing is, or the data cannot decide.
     undecided_by : {"runs", "rows", "prior"} or None
         Of an undecided verdict: what does not suffice.
     same_curve : tuple of str
-        Other kinds that draw the same curve as the most probable cause.
+        Other kinds that draw the same curve through these rows as the most probable cause.
+    share : float
+        Probability of the most probable kind and of these, given that something is wrong.
     probability_right : float or None
         Probability that this cause is the right one, causes outside the catalogue counted too.
     residual_check : ResidualCheck or None
@@ -85,13 +52,26 @@ class Conclusion:
     """
 
     verdict: str
-    concerns: str | None
-    undecided_by: str | None
-    same_curve: tuple[str, ...]
-    probability_right: float | None
-    residual_check: ResidualCheck | None
-    smallest_detectable: float | None
-    detectable: pd.DataFrame | None
+    concerns: str | None = None
+    undecided_by: str | None = None
+    same_curve: tuple[str, ...] = ()
+    share: float = 0.0
+    probability_right: float | None = None
+    residual_check: ResidualCheck | None = None
+    smallest_detectable: float | None = None
+    detectable: pd.DataFrame | None = None
+
+
+# what a diagnosis shows of its conclusion
+_PUBLIC = (
+    "verdict",
+    "concerns",
+    "undecided_by",
+    "probability_right",
+    "residual_check",
+    "smallest_detectable",
+    "detectable",
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -144,12 +124,8 @@ class DiagnosisResult:
     ----------
     settings : Settings
         Of this fit.
-    X, y : array-like of shape (n, n_columns), (n,) or (n, n_outputs)
-        Measured rows, those without a measurement left out.
-    weights : ndarray of shape (n,) or None
-        Of the rows.
-    y_err : ndarray of the shape of y, or None
-        Known errors of the rows.
+    rows : Rows
+        Measured, those without a measurement left out.
     fold_random : RandomState
         The state from which folds are drawn.
     before : PowerScaledSurrogate
@@ -179,10 +155,7 @@ class DiagnosisResult:
     """
 
     settings: Settings
-    X: ArrayLike
-    y: ArrayLike
-    weights: FloatArray | None
-    y_err: FloatArray | None
+    rows: Rows
     fold_random: np.random.RandomState
     # Any: the class allows an estimator without a simulation, a diagnosis does not
     before: Any
@@ -231,13 +204,7 @@ class DiagnosisResult:
             "emulator_check_": self.emulator_check,
             "next_measurement_": self.next_measurement.place,
             "next_information_": self.next_measurement.information,
-            "verdict_": said.verdict,
-            "concerns_": said.concerns,
-            "undecided_by_": said.undecided_by,
-            "probability_right_": said.probability_right,
-            "residual_check_": said.residual_check,
-            "smallest_detectable_": said.smallest_detectable,
-            "detectable_": said.detectable,
+            **{f"{name}_": getattr(said, name) for name in _PUBLIC},
             "extended_estimator_": after.estimator,
             "extended_simulator_": after.simulator,
             "best_cause_": after.best_cause,

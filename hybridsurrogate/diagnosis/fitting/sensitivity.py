@@ -14,7 +14,6 @@ from hybridsurrogate.diagnosis.search.candidate import Candidate
 from hybridsurrogate.diagnosis.search.forward_selection import SearchStep
 from hybridsurrogate.diagnosis.search.search import Search
 from hybridsurrogate.inference.evidence.marginal_likelihood import scan
-from hybridsurrogate.inference.procedure import at_prior_ends
 from hybridsurrogate.types import FloatArray
 
 # halved and doubled, as in power scaling (Kallioinen and others 2024, Statistics and Computing
@@ -95,18 +94,17 @@ def _moved(w: Candidate, by: float) -> Candidate:
 
 def _concluded(result: DiagnosisResult, first: SearchStep) -> dict[str, object]:
     """Return verdict, cause and probabilities where this is the first step."""
-    posterior, check = result.before.posterior_, result.emulator_check
-    verdict = conclude(
+    found = conclude(
         [first, *result.steps[1:]],
         result.settings.false_alarm_rate,
         result.conclusion.residual_check,
-        0.0 if check is None else check.hidden,
-        not posterior.model.basis.is_simulation and bool(at_prior_ends(posterior)),
+        result.emulator_check,
+        result.before.posterior_,
     )
     search, kind = first.conditional, first.chosen.kind
     alike = [w.kind == kind for w in search.candidates]
     return {
-        "verdict": verdict.word,
+        "verdict": found.verdict,
         "cause": kind,
         "probability": float(search.probability[alike].sum()),
         "nothing": float(search.probability[0]),

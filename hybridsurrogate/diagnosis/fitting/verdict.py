@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -11,6 +11,7 @@ import numpy as np
 from hybridsurrogate.diagnosis.checks.caution import Caution
 from hybridsurrogate.diagnosis.checks.columns import better_columns
 from hybridsurrogate.diagnosis.checks.data import gross_errors, mirrored, single_rows
+from hybridsurrogate.diagnosis.checks.parameters import Settings
 from hybridsurrogate.diagnosis.checks.residuals import (
     ResidualCheck,
     check_residuals,
@@ -18,7 +19,7 @@ from hybridsurrogate.diagnosis.checks.residuals import (
     probability_right,
 )
 from hybridsurrogate.diagnosis.checks.simulation import EmulatorCheck
-from hybridsurrogate.diagnosis.fitting.result import Conclusion, Settings
+from hybridsurrogate.diagnosis.fitting.result import Conclusion
 from hybridsurrogate.diagnosis.search.candidate import Candidate
 from hybridsurrogate.diagnosis.search.forward_selection import SearchStep
 from hybridsurrogate.diagnosis.search.search import Search, draw_the_same, predicted_rows
@@ -33,37 +34,13 @@ from hybridsurrogate.model.problem import Problem
 from hybridsurrogate.numerics import digits
 
 
-@dataclass(frozen=True)
-class Verdict:
-    """What was concluded.
-
-    Attributes
-    ----------
-    word : {"adequate", "named", "nearest", "ambiguous", "unexplained", "undecided"}
-    concerns : {"simulation", "noise", "inputs", "data", "prior"} or None
-        What is at fault; None where nothing is, or the data cannot decide.
-    open : {"runs", "rows", "prior"} or None
-        Of an undecided verdict: what cannot decide.
-    same_curve : tuple of str
-        Other kinds that draw the same curve through these rows as the most probable one.
-    share : float
-        Probability of the most probable kind and of these, given that something is wrong.
-    """
-
-    word: str
-    concerns: str | None = None
-    open: str | None = None
-    same_curve: tuple[str, ...] = ()
-    share: float = 0.0
-
-
 def conclude(
     steps: Sequence[SearchStep],
     false_alarm_rate: float,
     residual_check: ResidualCheck | None,
-    hidden: float,
-    kept_by_prior: bool,
-) -> Verdict:
+    emulator_check: EmulatorCheck | None,
+    posterior: Posterior,
+) -> Conclusion:
     """Return the verdict on a finished search.
 
     A name or "adequate" needs runs, rows and priors that can decide. They cannot where
@@ -83,62 +60,31 @@ def conclude(
     false_alarm_rate : float
     residual_check : ResidualCheck or None
         Of the last cause that was accepted.
-    hidden : float
-        How large an effect the runs may hide at the measured rows, in units of the noise; 0 where
-        they are enough, or the simulation itself is run.
-    kept_by_prior : bool
-        Whether an emulated parameter is at an end of its prior.
+    emulator_check : EmulatorCheck or None
+        None where the simulation itself is run.
+    posterior : Posterior
+        Without a cause.
     """
     first = steps[0]
-    found = first.conditional
-    word = _word(first.chosen, found)
-    same: tuple[str, ...] = ()
-    share = 0.0
-    if first.is_accepted:
-        same = kinds_of_same_curve(found, first.chosen)
-        of_kind = found.kind_shares
-        share = sum(of_kind[kind] for kind in (first.chosen.kind, *same))
-        if word == "ambiguous" and share >= SETTINGS.named:
-            word = "named"
-    last = [step for step in steps if step.is_accepted][-1:]
-    if word == "named" and any(has_residual_structure(step, residual_check) for step in last):
-        word = "nearest"
-    cause = first.chosen.cause
-    test = first.test
+    chosen, found, test = first.chosen, first.conditional, first.test
     assert test is not None  # only folds have none
-    if hidden > size_of_effect(first):
-        return Verdict("undecided", None, "runs")
-    if word == "adequate" and test.p_value <= false_alarm_rate:
-        return Verdict("undecided", None, "rows")
-    if word != "adequate" and kept_by_prior:
-        return Verdict("undecided", None, "prior")
-    return Verdict(word, None if cause is None else cause.concerns, None, same, share)
-
-
-def given_doubts(verdict: Verdict, first: SearchStep, doubts: Sequence[Caution]) -> Verdict:
-    """Return the verdict: no cause in the output has the name alone on doubtful data.
-
-    Parameters
-    ----------
-    verdict : Verdict
-    first : SearchStep
-    doubts : sequence of Caution
-        Of the data.
-    """
-    cause = first.chosen.cause
-    rests_on_it = any(one.about in ("data", "columns") for one in doubts)
-    if verdict.word == "named" and rests_on_it and cause is not None and cause.changes_output:
-        return replace(verdict, word="nearest")
-    return verdict
-
-
-def _word(chosen: Candidate, found: Search) -> str:
-    """Return the verdict by probability alone."""
+    if emulator_check is not None and emulator_check.hidden > size_of_effect(first):
+        return Conclusion("undecided", undecided_by="runs")
     if chosen.cause is None:
-        return "adequate"
+        if test.p_value <= false_alarm_rate:
+            return Conclusion("undecided", undecided_by="rows")
+        return Conclusion("adequate")
+    if not posterior.model.basis.is_simulation and at_prior_ends(posterior):
+        return Conclusion("undecided", undecided_by="prior")
+    same, of_kind = kinds_of_same_curve(found, chosen), found.kind_shares
+    share = sum(of_kind[kind] for kind in (chosen.kind, *same))
+    last = next(step for step in reversed(steps) if step.is_accepted)
+    word = "named" if share >= SETTINGS.named else "ambiguous"
     if not chosen.has_name:
-        return "unexplained"
-    return "named" if found.kind_shares[chosen.kind] >= SETTINGS.named else "ambiguous"
+        word = "unexplained"
+    elif word == "named" and has_residual_structure(last, residual_check):
+        word = "nearest"
+    return Conclusion(word, chosen.cause.concerns, None, same, share)
 
 
 def kinds_of_same_curve(result: Search, chosen: Candidate) -> tuple[str, ...]:
@@ -198,31 +144,30 @@ def concluded(
         Doubts from the search itself.
     settings : Settings
     """
-    first, last = steps[0], [step for step in steps if step.is_accepted][-1:]
+    first, rate = steps[0], settings.false_alarm_rate
+    last = [step for step in steps if step.is_accepted][-1:]
     check = check_residuals(last[0].conditional, last[0].chosen) if last else None
-    posterior = before.posterior_
-    verdict = conclude(
-        steps,
-        settings.false_alarm_rate,
-        check,
-        0.0 if emulator_check is None else emulator_check.hidden,
-        not posterior.model.basis.is_simulation and bool(at_prior_ends(posterior)),
-    )
+    found = conclude(steps, rate, check, emulator_check, before.posterior_)
     smallest, of_kinds = None, None
     if not last and first.test is not None:
-        of_kinds = detectable(first.search, first.test, settings.false_alarm_rate)
-        smallest = smallest_detectable(first.search, first.test, settings.false_alarm_rate)
-    doubts = [*known, *_doubts(steps, before, problem, verdict.word)]
-    verdict = given_doubts(verdict, first, doubts)
-    conclusion = Conclusion(
-        verdict.word,
-        verdict.concerns,
-        verdict.open,
-        verdict.same_curve,
-        _probability_right(first, verdict),
-        check,
-        smallest,
-        of_kinds,
+        of_kinds = detectable(first.search, first.test, rate)
+        smallest = smallest_detectable(first.search, first.test, rate)
+    doubts = [*known, *_doubts(steps, before, problem, found.verdict)]
+    cause = first.chosen.cause
+    # no cause in the output has the name alone on doubtful data
+    doubtful = any(one.about in ("data", "columns") for one in doubts)
+    if found.verdict == "named" and doubtful and cause is not None and cause.changes_output:
+        found = replace(found, verdict="nearest")
+    right = None
+    if found.verdict not in ("adequate", "unexplained", "undecided"):
+        wrong = 1 - float(first.conditional.probability[0])
+        right = wrong * probability_right(found.share, found.verdict == "nearest")
+    conclusion = replace(
+        found,
+        probability_right=right,
+        residual_check=check,
+        smallest_detectable=smallest,
+        detectable=of_kinds,
     )
     return conclusion, doubts
 
@@ -267,10 +212,3 @@ def contradicted(posterior: Posterior, known: Sequence[Cause]) -> list[Caution]:
                 "interval). Look whether it is where it is known to be, or diagnose without it."
             )
     return [Caution("prior", sentence) for sentence in said]
-
-
-def _probability_right(first: SearchStep, verdict: Verdict) -> float | None:
-    if verdict.word in ("adequate", "unexplained", "undecided"):
-        return None
-    wrong = 1 - float(first.conditional.probability[0])
-    return wrong * probability_right(verdict.share, verdict.word == "nearest")

@@ -19,7 +19,7 @@ from sklearn.utils import check_random_state, check_scalar
 
 from hybridsurrogate.catalogue import Skipped
 from hybridsurrogate.diagnosis.answers.finding import form_of
-from hybridsurrogate.diagnosis.checks.parameters import check_rows, check_settings
+from hybridsurrogate.diagnosis.checks.parameters import check_rows, checked_settings
 from hybridsurrogate.diagnosis.planning.result import Detectability, detectability_of
 from hybridsurrogate.diagnosis.search.context import SearchContext, on_working_rows
 from hybridsurrogate.diagnosis.search.setup import Prepared, prepare, trained_emulator
@@ -223,16 +223,12 @@ def detectability(
     """
     words = () if causes is None else _as_words(causes)
     own = [one for one in words if isinstance(one, Cause)]
-    check_settings(
+    checked_settings(
         estimator=estimator,
         causes=own,
         exclude=exclude,
         false_alarm_rate=false_alarm_rate,
         n_replicates=_NULL,
-        cv=None,
-        max_causes=1,
-        n_jobs=None,
-        progress=False,
     )
     check_scalar(n_replicates, "n_replicates", Integral, min_val=1)
     _check_memory(int(np.shape(X)[0]) if np.ndim(X) else 0)

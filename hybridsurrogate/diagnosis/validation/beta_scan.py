@@ -5,12 +5,11 @@ from __future__ import annotations
 import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
 from joblib import delayed
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from sklearn.base import clone
 
 from hybridsurrogate.diagnosis.validation.cross_validation import (
@@ -18,9 +17,8 @@ from hybridsurrogate.diagnosis.validation.cross_validation import (
     folds_beyond,
     in_parallel,
     random_folds,
-    row_taker,
 )
-from hybridsurrogate.diagnosis.validation.gain import mean_and_error
+from hybridsurrogate.diagnosis.validation.gain import Rows, mean_and_error
 from hybridsurrogate.estimators.beta_path import beta_path
 from hybridsurrogate.estimators.power_scaled import PowerScaledSurrogate
 from hybridsurrogate.exceptions import HybridSurrogateWarning
@@ -46,28 +44,21 @@ class BetaScans:
     ----------
     models : pair of PowerScaledSurrogate
         Before and after, fitted.
-    X, y : array-like of shape (n, n_columns), (n,)
-        Measured data.
+    rows : Rows
+        Measured.
     n_jobs : int or None
-    weights : ndarray of shape (n,) or None
-        Of the rows.
-    y_err : ndarray of the shape of y, or None
-        Known errors.
     known : dict
         The scans that were tried: out of range or not.
     """
 
     models: tuple[PowerScaledSurrogate, PowerScaledSurrogate]
-    X: ArrayLike
-    y: ArrayLike
+    rows: Rows
     n_jobs: int | None
-    weights: FloatArray | None = None
-    y_err: FloatArray | None = None
     known: dict[bool, pd.DataFrame | None] = field(default_factory=dict, repr=False, compare=False)
 
     def __repr__(self) -> str:
         tried = sum(scan is not None for scan in self.known.values())
-        return f"BetaScans({len(np.asarray(self.y))} rows, {tried} of 2 scans tried)"
+        return f"BetaScans({len(np.asarray(self.rows.y))} rows, {tried} of 2 scans tried)"
 
     def few(self, out_of_range: bool, progress: bool = False) -> pd.DataFrame | None:
         """Return the scan within the measured range or beyond it.
@@ -89,7 +80,8 @@ class BetaScans:
         out_of_range : bool, default=False
             Beyond the measured range, instead of within it.
         """
-        return self._best_beta("before", out_of_range)
+        scan = self.few(out_of_range)
+        return None if scan is None else best_beta(scan, "before")
 
     def best_beta_after(self, out_of_range: bool = False) -> float | None:
         """Return the same after: larger where the simulation is worth more, its fault named.
@@ -98,11 +90,8 @@ class BetaScans:
         ----------
         out_of_range : bool, default=False
         """
-        return self._best_beta("after", out_of_range)
-
-    def _best_beta(self, word: str, out_of_range: bool) -> float | None:
         scan = self.few(out_of_range)
-        return None if scan is None else best_beta(scan, word)
+        return None if scan is None else best_beta(scan, "after")
 
     def own(
         self, X: ArrayLike | None, y: ArrayLike | None, betas: ArrayLike | None, progress: bool
@@ -117,31 +106,25 @@ class BetaScans:
             None: 0, 0.1, ..., 1.
         progress : bool
         """
-        before, measured = self.models[0], X is None or y is None
-        rows, values = (self.X, self.y) if X is None or y is None else (X, y)
+        before, rows = self.models[0], self.rows if X is None else Rows(X, y)
         grid = np.linspace(0, 1, 11) if betas is None else np.unique(as_numbers(betas, "betas"))
-        rows, values, *_ = without_gaps(rows, values)
-        rows = complete_table(rows, labels=before.experiment)
-        values = before.measured_outputs(values, "y")
-        weights, y_err = (self.weights, self.y_err) if measured else (None, None)
-        folds, jobs = scan_folds(values), self.n_jobs
-        return scan_beta(self.models, grid, folds, rows, values, jobs, weights, y_err, progress)
+        X, y, *_ = without_gaps(rows.X, rows.y)
+        X = complete_table(X, labels=before.experiment)
+        rows = rows._replace(X=X, y=before.measured_outputs(y, "y"))
+        return scan_beta(self.models, grid, scan_folds(rows.y), rows, self.n_jobs, progress)
 
     def _few(self, out_of_range: bool, progress: bool) -> pd.DataFrame | None:
         before = self.models[0]
         if not has_weight(before) or any(is_slow(model) for model in self.models):
             return None
-        assert before.simulation is not None
-        folds = (
-            folds_beyond(before.simulation, before.measured_[0])
-            if out_of_range
-            else scan_folds(self.y)
-        )
+        if out_of_range:
+            assert before.simulation is not None
+            folds = folds_beyond(before.simulation, before.measured_[0])
+        else:
+            folds = scan_folds(self.rows.y)
         if not folds:
             return None
-        betas = np.array(_FEW_BETAS)
-        of_rows = self.weights, self.y_err
-        return scan_beta(self.models, betas, folds, self.X, self.y, self.n_jobs, *of_rows, progress)
+        return scan_beta(self.models, np.array(_FEW_BETAS), folds, self.rows, self.n_jobs, progress)
 
 
 def best_beta(scan: pd.DataFrame, word: str) -> float:
@@ -171,11 +154,8 @@ def scan_beta(
     models: Sequence[PowerScaledSurrogate],
     betas: FloatArray,
     folds: Folds,
-    X: ArrayLike,
-    y: ArrayLike,
+    rows: Rows,
     n_jobs: int | None,
-    weights: FloatArray | None = None,
-    y_err: FloatArray | None = None,
     progress: bool = False,
 ) -> pd.DataFrame:
     """Return the held-out ELPD per row of the models before and after at each weight.
@@ -189,13 +169,10 @@ def scan_beta(
         Before and after, the cause held fixed.
     betas : ndarray
     folds : list of (train, test)
-    X, y : array-like of shape (n, n_columns), (n,)
+    rows : Rows
+        Measured; weights count in the fits and in the means of their scores.
     n_jobs : int or None
         Folds at the same time, as in `joblib.Parallel`.
-    weights : ndarray of shape (n,) or None, default=None
-        Of the rows, in the fits and in the means of their scores.
-    y_err : ndarray of the shape of y, or None, default=None
-        Known errors of the rows.
     progress : bool, default=False
         Print how many folds are done.
 
@@ -205,14 +182,10 @@ def scan_beta(
         Columns beta, before, after, and before_error and after_error: the standard error of each
         score's difference from that at the best weight, paired by rows.
     """
-    (before, after), take, values = models, row_taker(X), np.asarray(y, dtype=float)
-
-    def rows(some: NDArray[np.intp]) -> _Rows:
-        of_rows = (None if one is None else one[some] for one in (weights, y_err))
-        return _Rows(take(some), values[some], *of_rows)
-
+    (before, after), values = models, np.asarray(rows.y, dtype=float)
+    rows = rows._replace(y=values)
     tasks = [
-        delayed(_scores_of_fold)(model, betas, rows(train), rows(test))
+        delayed(_scores_of_fold)(model, betas, rows.take(train), rows.take(test))
         for model in ([before] if after is before else models)
         for train, test in folds
     ]
@@ -221,7 +194,7 @@ def scan_beta(
     # the same tasks where nothing was detected
     scores = {"before": scans[:n], "after": scans[-n:]}
     joined = {word: np.concatenate(parts, axis=1) for word, parts in scores.items()}
-    each = np.ones(len(values)) if weights is None else weights
+    each = np.ones(len(values)) if rows.weights is None else rows.weights
     there = np.isfinite(values[tests])
     share = np.broadcast_to(each[tests].reshape(-1, *[1] * (values.ndim - 1)), there.shape)[there]
     means = {word: np.average(s, axis=1, weights=share) for word, s in joined.items()}
@@ -229,17 +202,8 @@ def scan_beta(
     return pd.DataFrame({"beta": betas, **means, **errors})
 
 
-class _Rows(NamedTuple):
-    """Some of the rows, with their weights and known errors, if they have some."""
-
-    X: ArrayLike
-    y: FloatArray
-    weights: FloatArray | None
-    y_err: FloatArray | None
-
-
 def _scores_of_fold(
-    model: PowerScaledSurrogate, betas: FloatArray, train: _Rows, test: _Rows
+    model: PowerScaledSurrogate, betas: FloatArray, train: Rows, test: Rows
 ) -> FloatArray:
     """Return the log predictive density of held-out rows at each weight: (n_betas, n_held)."""
     draws = min(int(model.n_draws), _DRAWS)

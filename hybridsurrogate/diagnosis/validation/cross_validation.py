@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from itertools import pairwise
 from pickle import PicklingError
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from joblib import Parallel, delayed
 from numpy.random import RandomState
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 from sklearn.model_selection import KFold
 
-from hybridsurrogate.diagnosis.validation.gain import Held, HeldOutGain, gain_over, pointwise
+from hybridsurrogate.diagnosis.validation.gain import Held, HeldOutGain, Rows, gain_over, pointwise
 from hybridsurrogate.diagnosis.validation.refit import Refit
 from hybridsurrogate.exceptions import DiagnosisWarning, HybridSurrogateWarning
 from hybridsurrogate.notebook import for_a_person
@@ -122,28 +122,13 @@ def future_folds(x: FloatArray) -> Folds:
     return [(order[:a], order[a:b]) for a, b in pairwise(ends)]
 
 
-def row_taker(X: ArrayLike) -> Callable[[Any], Any]:
-    """Return a function from row numbers to rows of an array or a DataFrame."""
-    return X.iloc.__getitem__ if hasattr(X, "iloc") else np.asarray(X).__getitem__
-
-
-class FoldScores(NamedTuple):
-    """The result of a fold: its scores, and the doubtful fits behind them."""
-
-    held: Held
-    doubts: list[str]
-
-
 def cross_validated(
     refitted: Refit,
     within: Folds,
     beyond: Folds,
-    X: ArrayLike,
-    y: FloatArray,
+    rows: Rows,
     n_jobs: int | None,
     progress: bool = False,
-    weights: FloatArray | None = None,
-    y_err: FloatArray | None = None,
 ) -> tuple[HeldOutGain | None, HeldOutGain | None]:
     """Return the gain within the measured range and beyond it, None where there are no folds.
 
@@ -152,31 +137,19 @@ def cross_validated(
     refitted : Refit
         Returns the models before and after for given rows, from a search on them.
     within, beyond : list of (train, test)
-    X, y : array-like of shape (n, n_columns), (n,)
+    rows : Rows
+        Measured; weights count in the fits and in the means of their scores.
     n_jobs : int or None
         Folds at the same time, as in `joblib.Parallel`.
     progress : bool
         Count the folds on a terminal.
-    weights : ndarray of shape (n,) or None
-        Of the rows, in the fits and in the means of their scores.
-    y_err : ndarray of the shape of y, or None
-        Known errors of the rows.
     """
-    take = row_taker(X)
     tasks = [
-        delayed(score_fold)(
-            refitted,
-            take(train),
-            y[train],
-            take(test),
-            y[test],
-            None if weights is None else (weights[train], weights[test]),
-            None if y_err is None else (y_err[train], y_err[test]),
-        )
+        delayed(score_fold)(refitted, rows.take(train), rows.take(test))
         for train, test in [*within, *beyond]
     ]
-    scored: list[FoldScores] = in_parallel(tasks, n_jobs, progress)
-    doubtful = sorted({doubt for fold in scored for doubt in fold.doubts})
+    scored: list[tuple[Held, list[str]]] = in_parallel(tasks, n_jobs, progress)
+    doubtful = sorted({doubt for _, doubts in scored for doubt in doubts})
     if doubtful:
         warnings.warn(
             f"{len(doubtful)} of the fits behind the gain have doubtful draws, for example: "
@@ -184,30 +157,21 @@ def cross_validated(
             DiagnosisWarning,
             stacklevel=5,
         )
-    held = [fold.held for fold in scored]
+    held = [one for one, _ in scored]
     inside, outside = held[: len(within)], held[len(within) :]
     return gain_over(inside) if inside else None, gain_over(outside) if outside else None
 
 
-def score_fold(
-    refitted: Refit,
-    X: ArrayLike,
-    y: FloatArray,
-    X_held: ArrayLike,
-    y_held: FloatArray,
-    weights: tuple[FloatArray, FloatArray] | None = None,
-    y_err: tuple[FloatArray, FloatArray] | None = None,
-) -> FoldScores:
-    """Return the scores of the models before and after on held-out rows.
+def score_fold(refitted: Refit, train: Rows, test: Rows) -> tuple[Held, list[str]]:
+    """Return the scores of the models before and after on held-out rows, and doubtful fits.
 
     Its warnings are part of what it returns: those of another process would be lost.
     """
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", HybridSurrogateWarning)
-        train, held = (None, None) if weights is None else weights
-        known, new = (None, None) if y_err is None else y_err
-        plain, extended, kind = refitted(X, y, train, known)
-        before = pointwise(plain, X_held, y_held, held, new)
-        after = before if extended is plain else pointwise(extended, X_held, y_held, held, new)
-    doubts = [str(w.message) for w in caught if "doubtful" in str(w.message)]
-    return FoldScores(Held(before, after, kind), doubts)
+        plain, extended, kind = refitted(*train)
+        before = pointwise(plain, *test)
+        after = before if extended is plain else pointwise(extended, *test)
+    return Held(before, after, kind), [
+        str(w.message) for w in caught if "doubtful" in str(w.message)
+    ]

@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
+from sklearn.utils import _safe_indexing
 
 from hybridsurrogate.notebook import table
 from hybridsurrogate.numerics import digits
@@ -102,7 +103,7 @@ class HeldOutGain:
         return f"{type(self).__name__}({change} nats a row on {self.n_rows} held-out rows)"
 
     def __str__(self) -> str:
-        rows = [_HEADER, *self._scores(), *self._shares()]
+        rows = [_HEADER, *self._lines()]
         widths = [max(len(row[k]) for row in rows) for k in range(3)]
         lines = [
             f"{name:<{widths[0]}}  {a:>{widths[1]}}  {b:>{widths[2]}}  {change}"
@@ -111,7 +112,7 @@ class HeldOutGain:
         return "\n".join([*lines, self._rows()])
 
     def _repr_html_(self) -> str:
-        return table([*self._scores(), *self._shares()], _HEADER, self._rows())
+        return table(self._lines(), _HEADER, self._rows())
 
     def _rows(self) -> str:
         """Return how many rows were held out, and what was detected without them."""
@@ -119,46 +120,61 @@ class HeldOutGain:
         folds = f"; the searches of {len(self.kinds)} folds chose {chosen}" if chosen else ""
         return f"{self.n_rows} held-out rows{folds}"
 
-    def _scores(self) -> list[tuple[str, ...]]:
-        return [
+    def _lines(self) -> list[tuple[str, ...]]:
+        """Return name, before, after and difference of each score."""
+        change = self.rmse_after - self.rmse_before
+        scores = (
+            (self.elpd_before, self.elpd_after, self.elpd_difference, self.standard_error),
+            (self.rmse_before, self.rmse_after, change, self.rmse_error),
+        )
+        out: list[tuple[str, ...]] = [
             (
                 name,
-                digits.score(a, error),
-                digits.score(b, error),
+                digits.score(before, error),
+                digits.score(after, error),
                 digits.plus_minus(change, error, sign=True),
             )
-            for name, a, b, change, error in (
-                (
-                    "ELPD a row",
-                    self.elpd_before,
-                    self.elpd_after,
-                    self.elpd_difference,
-                    self.standard_error,
-                ),
-                (
-                    "RMSE",
-                    self.rmse_before,
-                    self.rmse_after,
-                    self.rmse_after - self.rmse_before,
-                    self.rmse_error,
-                ),
+            for name, (before, after, change, error) in zip(
+                ("ELPD a row", "RMSE"), scores, strict=True
             )
         ]
-
-    def _shares(self) -> list[tuple[str, ...]]:
-        pairs = (
+        shares = (
             (COVERAGE_LEVEL, self.coverage_before, self.coverage_after, self.coverage_error),
             (HALF, self.half_before, self.half_after, self.half_error),
         )
-        return [
-            (
-                f"in {100 * level:.0f} % intervals",
-                f"{100 * a:.0f} %",
-                f"{100 * b:.0f} %",
-                f"{_signed(100 * (b - a))} % ± {digits.fixed(100 * error, 0)} %",
+        for level, before, after, error in shares:
+            points = digits.fixed(100 * (after - before), 0)
+            sign = "+" if after > before and points != "0" else ""
+            out.append(
+                (
+                    f"in {100 * level:.0f} % intervals",
+                    f"{100 * before:.0f} %",
+                    f"{100 * after:.0f} %",
+                    f"{sign}{points} % ± {digits.fixed(100 * error, 0)} %",
+                )
             )
-            for level, a, b, error in pairs
-        ]
+        return out
+
+
+class Rows(NamedTuple):
+    """Measured rows, with their weights and known errors where they have some.
+
+    Attributes
+    ----------
+    X, y : array-like of shape (n, n_columns), (n,) or (n, n_outputs)
+    weights : ndarray of shape (n,) or None
+    y_err : ndarray of the shape of y, or None
+    """
+
+    X: Any
+    y: Any
+    weights: FloatArray | None = None
+    y_err: Any = None
+
+    def take(self, some: Any) -> Rows:
+        """Return rows by their numbers or as a slice; what is none for each row stays."""
+        each: list[Any] = [*self]
+        return Rows(*(_safe_indexing(one, some) if np.ndim(one) else one for one in each))
 
 
 class Scores(NamedTuple):
@@ -223,29 +239,24 @@ def gain_on(before: Any, after: Any, X: ArrayLike, y: FloatArray, y_err: Any = N
 def gain_from(before: Scores, after: Scores, folds: tuple[FoldGain, ...] = ()) -> HeldOutGain:
     """Summarise two sets of pointwise scores of the same rows, each row with its weight."""
     weight = before.weight
-    rmse = [
-        float(np.sqrt(mean_and_error(scores.error**2, weight)[0])) for scores in (before, after)
-    ]
-    # d RMSE = d(mean of squares) / (2 RMSE): the delta method
-    per_row = [
-        scores.error**2 / (2 * max(root, np.finfo(float).tiny))
-        for scores, root in zip((before, after), rmse, strict=True)
-    ]
+    found: dict[str, Any] = {}
+    per_row = []
+    for word, scores in (("before", before), ("after", after)):
+        rmse = float(np.sqrt(mean_and_error(scores.error**2, weight)[0]))
+        found[f"elpd_{word}"] = mean_and_error(scores.log_density, weight)[0]
+        found[f"rmse_{word}"] = rmse
+        found[f"coverage_{word}"] = mean_and_error(scores.inside, weight)[0]
+        found[f"half_{word}"] = mean_and_error(scores.inside_half, weight)[0]
+        # d RMSE = d(mean of squares) / (2 RMSE): the delta method
+        per_row.append(scores.error**2 / (2 * max(rmse, np.finfo(float).tiny)))
     change, error = mean_and_error(after.log_density - before.log_density, weight)
     return HeldOutGain(
-        mean_and_error(before.log_density, weight)[0],
-        mean_and_error(after.log_density, weight)[0],
-        change,
-        error,
-        rmse[0],
-        rmse[1],
-        mean_and_error(before.inside, weight)[0],
-        mean_and_error(after.inside, weight)[0],
-        mean_and_error(before.inside_half, weight)[0],
-        mean_and_error(after.inside_half, weight)[0],
-        len(before.error),
-        tuple(fold.kind for fold in folds),
-        folds,
+        **found,
+        elpd_difference=change,
+        standard_error=error,
+        n_rows=len(weight),
+        kinds=tuple(fold.kind for fold in folds),
+        folds=folds,
         rmse_error=mean_and_error(per_row[1] - per_row[0], weight)[1],
         coverage_error=mean_and_error(after.inside - before.inside, weight)[1],
         half_error=mean_and_error(after.inside_half - before.inside_half, weight)[1],
@@ -266,28 +277,15 @@ def mean_and_error(values: FloatArray, weight: FloatArray) -> tuple[float, float
     return mean, float(np.sqrt(n / (n - 1) * np.sum((share * (values - mean)) ** 2)))
 
 
-def _signed(value: float) -> str:
-    text = digits.fixed(value, 0)
-    return f"+{text}" if value > 0 and text != "0" else text
-
-
-def _fold_gain(held: Held) -> FoldGain:
-    """Summarise one fold."""
-    before, after, weight = held.before.log_density, held.after.log_density, held.before.weight
-    error = mean_and_error(after - before, weight)[1]
-    return FoldGain(
-        held.kind,
-        len(before),
-        mean_and_error(before, weight)[0],
-        mean_and_error(after, weight)[0],
-        error,
-    )
-
-
 def gain_over(folds: Sequence[Held]) -> HeldOutGain:
     """Return the gain over folds, each held out once."""
     befores, afters, _ = zip(*folds, strict=True)
     before, after = (
         Scores(*map(np.concatenate, zip(*scores, strict=True))) for scores in (befores, afters)
     )
-    return gain_from(before, after, tuple(map(_fold_gain, folds)))
+    each = [gain_from(one.before, one.after) for one in folds]
+    gains = tuple(
+        FoldGain(held.kind, one.n_rows, one.elpd_before, one.elpd_after, one.standard_error)
+        for held, one in zip(folds, each, strict=True)
+    )
+    return gain_from(before, after, gains)

@@ -137,7 +137,7 @@ class View:
     @property
     def y_err(self) -> FloatArray | None:
         """Known errors of the measured outputs, None without any."""
-        errors = self.result.y_err
+        errors = self.result.rows.y_err
         return None if errors is None else self.of_output(errors)[self._there]
 
     @property
