@@ -101,9 +101,10 @@ def _unchanged(
 ) -> Fitted:
     """Return the fit to other rows as one to these, on the grid refined there, not optimised.
 
-    Causes that were accepted are fixed where they are in these rows.
+    Its nodes have the prior of these rows, which may span less. Causes that were accepted are fixed
+    where they are in these rows.
     """
-    grid = with_cells(grid, other.grid.edges, other.grid.log_weight)
+    grid = with_cells(grid, other.grid.edges, other.grid.mass_under(model, other.model))
     if not np.isfinite(other.mode.objective):
         return Fitted(model, grid, other.mode, other.sigma)
     z, accepted = other.mode.z.copy(), slice(model.n_parameters, len(null.mode.z))

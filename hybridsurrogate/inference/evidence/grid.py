@@ -64,6 +64,11 @@ class Grid:
         neutral = self.neutral[self.sizes]
         return bool(np.all(z[self.sizes] == neutral) and np.all(np.abs(neutral) < _FARTHEST))
 
+    def mass_under(self, model: MeasuredModel, own: MeasuredModel) -> FloatArray:
+        """Return the log prior mass (T,) of its nodes under the priors of another model."""
+        there, here = (_log_mass(one, self, self.edges) for one in (model, own))
+        return self.log_weight + there - here
+
     def at(self, index: NDArray[np.intp]) -> Grid:
         """Return the grid at some of its nodes."""
         return replace(
