@@ -37,15 +37,15 @@ def best_modes(
     causes: Sequence[Cause],
     null: Fitted,
     log_prior: FloatArray,
-    nearby: Sequence[Fitted] | None = None,
-    is_sample: bool = False,
+    nearby: Sequence[Fitted | None],
+    is_coarse: bool,
 ) -> tuple[list[Fitted], FloatArray]:
     """Fit every cause: from one start, and from more where that looks promising.
 
     ``log_prior`` is that of "nothing is wrong" and of every cause. ``nearby`` are the modes of the
-    same causes in other rows of the same data: they stand for that first optimisation, and what is
-    promising is followed from there alone, to the end where those were a sample of these rows. An
-    `InterruptedSearch` contains the fits of the first so many causes.
+    same causes in other rows of the same data, None without one: they stand for that first
+    optimisation, and what is promising is followed from there alone, to the end where
+    ``is_coarse``. An `InterruptedSearch` contains the fits of the first so many causes.
 
     Returns
     -------
@@ -62,13 +62,12 @@ def best_modes(
             if is_followed(cause):
                 # with every unknown followed a start is a choice, which other rows must not make
                 fits.append(_followed(context, model, grid, null))
-            elif nearby is None or model.effects[-1].is_correlated_noise:
+            elif (end := nearby[k]) is None or cause.is_correlated_noise:
                 fits.append(_once(context, model, grid, null))
             else:
-                fits.append(_unchanged(context, model, grid, nearby[k], null))
+                fits.append(_unchanged(context, model, grid, end, null))
         # a first fit may have found a lower mode on too coarse a grid; where those in other rows
         # ended is nearly it, and what had a chance there has a finer grid already
-        is_coarse = nearby is None or is_sample
         margin = SETTINGS.behind if is_coarse else SETTINGS.behind_nearby
         behind = _far_behind(context, [null, *fits], log_prior, margin)
         for k in map(int, np.flatnonzero(np.isnan(behind))):
@@ -203,6 +202,11 @@ def _starts(model: MeasuredModel, grid: Grid, null: Fitted) -> list[FloatArray]:
     return [start, anew]
 
 
+# of the span of other rows: folds within a range leave about as much, those beyond it an eighth
+# less at least
+_AS_WIDE = 0.9
+
+
 @dataclass(frozen=True)
 class Search:
     """A finished search over the catalogue.
@@ -288,17 +292,34 @@ class Search:
         """Return the position of a cause, None where it was not compared."""
         return next((k for k, w in enumerate(self.candidates) if w.cause is cause), None)
 
-    def compares(self, model: MeasuredModel, causes: Sequence[Cause]) -> bool:
-        """Whether it compares the same causes, in other rows, given the same causes of a model."""
+    def over(self, model: MeasuredModel, causes: Sequence[Cause]) -> Search | None:
+        """Return it with candidates for the causes of other rows, in their order.
 
-        def forms(some: Sequence[Cause]) -> list[tuple[str, ...]]:
+        Other rows may put a parameter at the end of its prior: a cause that was not compared here
+        has the fit of "nothing is wrong". None where other causes are given.
+        """
+
+        def form(cause: Cause) -> tuple[str, ...]:
             # other rows may lack an experiment, which has a separate number
-            return [(cause.name, cause.variant, *cause.parameters) for cause in some]
+            return (cause.name, cause.variant, *cause.parameters)
 
-        own = [w.cause for w in self.candidates if w.cause is not None]
-        return forms(self.problem.model.effects) == forms(model.effects) and forms(own) == forms(
-            causes
-        )
+        if [*map(form, self.problem.model.effects)] != [*map(form, model.effects)]:
+            return None
+        none = self.candidates[0]
+        known = {form(w.cause): w for w in self.candidates[1:] if w.cause is not None}
+        same = [known.get(form(c), Candidate(c, none.fit, -np.inf)) for c in causes]
+        return self.reweighed([none, *same])
+
+    def may_lead(self, problem: Problem) -> bool:
+        """Whether what is far behind in it need not be compared in other rows.
+
+        That is where it compared all their causes, and where they span about as much: what explains
+        rows at one end of a range best may be far behind in all of it.
+        """
+        none = self.candidates[0].fit
+        has_all = all(w.fit is not none for w in self.candidates[1:])
+        spans = _AS_WIDE * np.ptp(self.problem.X, axis=0)
+        return has_all and bool(np.all(np.ptp(problem.X, axis=0) >= spans))
 
     def reweighed(self, candidates: list[Candidate]) -> Search:
         """Return the search with other evidence for its candidates."""
@@ -321,9 +342,9 @@ def search(
     accepted : Candidate or None
         The last of the problem's effects as it was fitted, in place of "nothing is wrong".
     nearby : Search or None
-        The search over the same causes in other rows of the same data (`Search.compares`): only
+        The search over the same causes in other rows of the same data (`Search.over`): only
         what is promising there is optimised, from where it ended there. Grids are searched anew,
-        but an optimisation may keep to its hill.
+        but an optimisation may keep to its hill. All are compared where it may not lead.
 
     Raises
     ------
@@ -331,20 +352,25 @@ def search(
         On an interrupt: it contains the search over the causes that were fitted by then.
     """
     null = context.best_null() if accepted is None else context.nothing_further(accepted.fit)
-    ends = [w.fit for w in nearby.candidates[1:]] if nearby is not None else None
-    compared = np.arange(len(causes)) if nearby is None else _within_reach(nearby, causes)
+    leads = nearby is not None and nearby.may_lead(context.problem)
+    compared = np.arange(len(causes))
+    ends: list[Fitted | None] = [None] * len(causes)
+    if nearby is not None:
+        compared = _within_reach(nearby, causes) if leads else compared
+        ends = _ends(nearby, leads)
     some = [causes[int(k)] for k in compared]
     log_prior = np.log(prior_odds([None, *causes]))[[0, *(1 + compared)]]
     fits: Sequence[Fitted] = []
     is_sample = nearby is not None and len(nearby.problem.y) < len(context.problem.y)
     try:
-        near = None if ends is None else [ends[k] for k in compared]
-        fits, behind = best_modes(context, some, null, log_prior, near, is_sample)
+        near = [ends[k] for k in compared]
+        is_coarse = is_sample or not leads
+        fits, behind = best_modes(context, some, null, log_prior, near, is_coarse)
     except KeyboardInterrupt as stop:
         kept = [null, *(stop.kept if isinstance(stop, InterruptedSearch) else fits)]
         unknown = np.full(len(kept), np.nan)
         raise InterruptedSearch(_compare(context, some, kept, unknown)) from stop
-    every, known = list(ends or fits), np.full(1 + len(causes), -np.inf)
+    every, known = [end or null for end in ends], np.full(1 + len(causes), -np.inf)
     for k, fit in zip(compared, fits, strict=True):
         every[k] = fit
     known[0], known[1 + compared] = np.nan, behind
@@ -376,6 +402,16 @@ def _within_reach(nearby: Search, causes: Sequence[Cause]) -> NDArray[np.intp]:
     best = np.max(log_share, initial=-np.inf)
     always = np.array([cause.is_process or cause.is_correlated_noise for cause in causes])
     return np.flatnonzero(always | (log_share > best - SETTINGS.pruned_nearby))
+
+
+def _ends(nearby: Search, leads: bool) -> list[Fitted | None]:
+    """Return where causes ended in other rows, None for those that are fitted anew.
+
+    That is, unless it leads, one that was not compared, and one whose grid lost cells: fewer rows
+    may have their evidence there.
+    """
+    none, ends = nearby.candidates[0].fit, [w.fit for w in nearby.candidates[1:]]
+    return [None if not leads and (end is none or end.grid.is_pruned) else end for end in ends]
 
 
 def _compare(

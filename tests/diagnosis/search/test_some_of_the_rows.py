@@ -20,30 +20,73 @@ REACH = 12.0
 SOME = ("step", "periodic", "ramp", "trend", "bump", "saturation", "decay")
 
 
-@pytest.fixture(scope="module", params=[0.0, 0.8, 8.0], ids=["none", "small", "large"])
-def searches(request):
-    """A step of some size in a straight line: all rows; four in five; these from all rows."""
+def context_of(change, rows, whole=None):
+    """Return what a search in some rows of a straight line with a change looks at, and causes."""
     rng = np.random.default_rng(3)
     t = np.sort(rng.uniform(0, 80, 60))
     simulator = hs.Simulator(
         lambda t, slope: slope * t, inputs={"t": (0, 80)}, parameters={"slope": norm(1, 0.1)}
     )
-    y = t + request.param * (t > 43) + rng.normal(size=60)
-    out = []
-    for rows in (np.arange(60), np.flatnonzero(np.arange(60) % 5 != 2)):
-        model = hs.PowerScaledSurrogate(
-            simulator, surrogate=hs.ExactSurrogate(), n_draws=20, random_state=0
-        ).fit(t[rows, None], y[rows])
-        prepared = prepare(model, ())
-        problem, emulator = trained_emulator(prepared.problem, model)
-        whole = out[0] if out else None
-        if whole is not None:
-            basis = whole.problem.model.basis
-            problem = replace(problem, model=replace(problem.model, basis=basis))
-        out += [search(SearchContext.of(problem, emulator), prepared.causes, nearby=whole)]
-        if whole is not None:
-            out += [search(SearchContext.of(problem, emulator), prepared.causes)]
-    return out
+    y = t + change(t) + rng.normal(size=60)
+    model = hs.PowerScaledSurrogate(
+        simulator, surrogate=hs.ExactSurrogate(), n_draws=20, random_state=0
+    ).fit(t[rows, None], y[rows])
+    prepared = prepare(model, ())
+    problem, emulator = trained_emulator(prepared.problem, model)
+    if whole is not None:
+        basis = whole.problem.model.basis
+        problem = replace(problem, model=replace(problem.model, basis=basis))
+    return SearchContext.of(problem, emulator), prepared.causes
+
+
+@pytest.fixture(scope="module", params=[0.0, 0.8, 8.0], ids=["none", "small", "large"])
+def searches(request):
+    """A step of some size in a straight line: all rows; four in five; these from all rows."""
+
+    def change(t):
+        return request.param * (t > 43)
+
+    whole = search(*context_of(change, np.arange(60)))
+    some = context_of(change, np.flatnonzero(np.arange(60) % 5 != 2), whole)
+    return whole, search(*some, nearby=whole), search(*some)
+
+
+@pytest.fixture(scope="module")
+def at_one_end():
+    """A wave in a straight line: all rows, and the context of the first three in five."""
+
+    def change(t):
+        return np.sin(t / 4)
+
+    whole = search(*context_of(change, np.arange(60)))
+    return whole, *context_of(change, np.arange(36), whole)
+
+
+def assert_as_from_scratch(near, anew):
+    probable = anew.probability > 0.02
+    assert probable.sum() > 1
+    evidence = np.array([[w.log_evidence for w in one.candidates] for one in (near, anew)])
+    np.testing.assert_allclose(*evidence[:, probable], atol=0.1)
+
+
+def test_rows_that_span_less_have_their_own_priors_and_all_causes(at_one_end):
+    whole, context, causes = at_one_end
+    near, anew = search(context, causes, nearby=whole), search(context, causes)
+    assert_as_from_scratch(near, anew)
+    # what is far behind in all rows may explain those at one end
+    assert np.isfinite([w.log_evidence for w in near.candidates]).all()
+
+
+def test_where_all_rows_lack_a_cause_all_are_compared_from_where_the_others_ended(at_one_end):
+    """Some of the rows may put a parameter at the end of its prior."""
+    whole, context, causes = at_one_end
+    lacking = whole.reweighed(
+        [w for w in whole.candidates if w.cause is None or w.cause.kind != "bump"]
+    ).over(context.problem.model, causes)
+    assert not lacking.may_lead(context.problem)
+    near, anew = search(context, causes, nearby=lacking), search(context, causes)
+    assert_as_from_scratch(near, anew)
+    assert np.isfinite([w.log_evidence for w in near.candidates]).all()
 
 
 def test_the_same_is_probable_as_from_scratch(searches):
