@@ -118,8 +118,10 @@ MORE_SETS = (
         "mug", "more/cooling_water.csv", {"time_min": "minute"}, "temp_C", made.mug,
         lambda f: f["time_min"] <= 100, "a second heat store, the mug", (hs.Decay("minute"),),
         "scale 9.2", "6.185 -> 1.502",
-        remark="with the fast exponential a smooth curve is left over, and a smooth curve alone fits "
-        "as well: ambiguous, both are averaged, and all intervals beyond 100 minutes hold.",
+        remark="a store that exchanges heat with the water comes first, as the mug does; its curve is "
+        "that of the fast exponential, and beyond 100 minutes it is off by less (1.48 and 1.56 degrees). "
+        "Nothing else is averaged with it, and its 90 % intervals hold 35 % of the rows there. The "
+        "catalogue had no such store when the fast exponential was averaged with a curve (100 %).",
     ),
     DataSet(
         "viscometer", "more/stormer_viscometer.csv",
