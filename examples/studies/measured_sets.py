@@ -194,8 +194,10 @@ SETS = (
         by_catalogue=(hs.Loss("feet"),),
         load=lambda f: f[f["source"] == "Broadie2018"],
         remark="distance control is a factor that falls with the distance, and so is the "
-        "catalogue's loss, which counts as documented; its curve is another one, 11 % of what is "
-        "missed apart up to 22 feet and 6 % beyond.",
+        "catalogue's loss, which counts as documented. Since the catalogue has them, angles that "
+        "spread by shares of themselves over the distance come first (log evidence 40.3; loss 38.1, "
+        "distance control 33.2) and predict held-out rows as well; all curves are within 11 % of what "
+        "is missed up to 22 feet, and 6 % beyond.",
     ),
     DataSet(
         "whiffle-ball", "ball_drop_bridge.csv", {"time_s": "t", "drop": "drop"}, "height_m",

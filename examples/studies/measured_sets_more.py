@@ -52,6 +52,9 @@ MORE_SETS = (
         (hs.DynamicTerm("liver", "saturating"),),
         "rate 0.043 mg/h", "0.09969 -> 0.03682 (ln)", likelihood="lognormal",
         experiment="filling", by_experiment={"filled": "own"}, load=mean_rat,
+        remark="the means over the rats scatter little, and more than one thing is missing: a curve "
+        "of any shape has a log evidence of 134.8, a power of what is in the muscles 119.2, what the "
+        "liver metabolises 92.9.",
     ),
     DataSet(
         "tanks", "more/cascaded_tanks.csv", {"time_s": "seconds", "record": "record"}, "y_level_V",
@@ -65,8 +68,9 @@ MORE_SETS = (
         lambda f: f["pressure"] <= 420, "the surface is finite", (own.FiniteSurface(),),
         "filled 5.5e-04", "6.293 -> 0.6083", own=(own.FiniteSurface(),),
         by_catalogue=(hs.Saturation("pressure"),),
-        remark="a coefficient that falls with the pressure is 2 % apart within the range. The "
-        "catalogue's saturation begins at the first row instead of at zero and does not fit.",
+        remark="without the own cause a coefficient that falls by shares of itself comes first, "
+        "2 % apart beyond the rows. The catalogue's saturation does not fit, from zero neither (log "
+        "evidence 3.9): half would be reached beyond the span of the rows, where its prior ends.",
     ),
     DataSet(
         "ageing", "more/nist_nelson.csv", {"weeks": "weeks", "temp_C": "temperature"},
@@ -78,6 +82,8 @@ MORE_SETS = (
             *(hs.ParameterDrift("rate", "temperature", s) for s in ("linear", "logistic", "step")),
             hs.Interaction("weeks", "temperature"),
         ),
+        remark="without the own cause the same law comes first, a rate that changes by shares over "
+        "the temperature (log evidence 78.0); a straight line has 37.9.",
     ),
     DataSet(
         "dialyzers", "more/dialyzer_ultrafiltration.csv",
@@ -112,8 +118,10 @@ MORE_SETS = (
         "mug", "more/cooling_water.csv", {"time_min": "minute"}, "temp_C", made.mug,
         lambda f: f["time_min"] <= 100, "a second heat store, the mug", (hs.Decay("minute"),),
         "scale 9.2", "6.185 -> 1.502",
-        remark="with the fast exponential a smooth curve is left over, and a smooth curve alone fits "
-        "as well: ambiguous, both are averaged, and all intervals beyond 100 minutes hold.",
+        remark="a store that exchanges heat with the water comes first, as the mug does; its curve is "
+        "that of the fast exponential, and beyond 100 minutes it is off by less (1.48 and 1.56 degrees). "
+        "Nothing else is averaged with it, and its 90 % intervals hold 35 % of the rows there. The "
+        "catalogue had no such store when the fast exponential was averaged with a curve (100 %).",
     ),
     DataSet(
         "viscometer", "more/stormer_viscometer.csv",
@@ -129,16 +137,19 @@ MORE_SETS = (
         made.beaver, lambda f: f["k"] < 60, "activity outside the retreat",
         (hs.MissingInput("activity"),), "slope 0.81 to 0.95", "0.4397 -> 0.3053",
         remark="the animal warms up for half an hour before it is seen outside, and a smooth curve "
-        "follows that (log evidence 78.5, activity with correlated noise 73.0). A cause that acts "
-        "with a lag is not in the catalogue. With all 100 rows activity comes first (0.99, 0.69 "
-        "degrees).",
+        "follows that (log evidence 78.5, activity with correlated noise 73.0). The temperature is "
+        "first and the record late: activity that acts with a lag, which the catalogue has not, has "
+        "40.7. With all 100 rows activity comes first (0.99, 0.69 degrees).",
     ),
     DataSet(
         "phones", "more/belgium_phones.csv", {"year": "year"}, "calls_1e6", made.calls,
         lambda f: f["year"] <= 1970, "minutes were counted in 1964 to 1969", (hs.Episode("year"),),
         "location 1964, end 1970", "130.1 -> 1.889",
         by_catalogue=(hs.Episode("year", factor=True),),
-        remark="REMARK",
+        remark="an episode that multiplies has a log evidence of 19.7, noise that grows 20.0, whose kind "
+        "has more forms that share its odds; an added level, which leaves 1963 and 1970, partly "
+        "minutes, 12.9. Without the factor, which the catalogue had not, the noise came first, and "
+        "the years after 1970 lost 1.4 nats each.",
     ),
     DataSet(
         "gravity", "more/gravity_nbs_1935.csv", {"row": "row", "series": "series"}, "g_dev",
