@@ -18,7 +18,6 @@ from hybridsurrogate.plotting.style import (
     BEFORE,
     DATA,
     FEW_VALUES,
-    LITTLE_INFORMATION,
     NINE_TENTHS,
     QUIET,
     grid_of_axes,
@@ -594,7 +593,7 @@ def plot_information(ax: Axes, x: FloatArray, information: FloatArray, place: fl
     ax.axvline(place, color=DATA, lw=1, ls=(0, (1, 1)))
     ax.set_ylabel("information\nin bits")
     # next to nothing shall look like it
-    ax.set_ylim(0, max(float(ax.get_ylim()[1]), LITTLE_INFORMATION))
+    ax.set_ylim(0, max(float(ax.get_ylim()[1]), 0.05))
     return ax
 
 

@@ -30,8 +30,6 @@ OMEGA_COLOURS = ListedColormap(colormaps["viridis"](np.linspace(0, 0.93, 256)), 
 NINE_TENTHS = 1.645
 # a column with at most so many values is no line
 FEW_VALUES = 12
-# bits, of which one more measurement is hardly worth it
-LITTLE_INFORMATION = 0.07
 
 
 class Style(NamedTuple):

@@ -16,6 +16,7 @@ from hybridsurrogate.diagnosis.report.elements.view import (
     label,
     label_of,
     label_of_cause,
+    root_mean_square,
 )
 from hybridsurrogate.numerics import digits
 
@@ -118,7 +119,7 @@ def _alike(view: View) -> list[str]:
     parts = []
     for other in others:
         gap = curve - working(view.expected(found, other, view.X))
-        size = float(np.sqrt(np.mean(gap**2))) / noise
+        size = root_mean_square(gap) / noise
         parts.append(f"{digits.at_least(size)} from {label_of(other)}")
     return [
         f"At the measured rows the curve of {label_of(first)} differs by so many standard "

@@ -42,6 +42,8 @@ class ReportSettings:
     likely : float
         Probability from which on a smooth curve in addition to the causes, and the closest match
         as what is wrong, are stated.
+    little_information : float
+        Expected information in bits below which one more measurement is hardly worth it.
     decided : float
         Probability from which on a question needs no further measurement.
     most_kinds, most_listed : int
@@ -62,6 +64,7 @@ class ReportSettings:
     """
 
     likely: float = 0.5
+    little_information: float = 0.07
     decided: float = 0.95
     most_kinds: int = 3
     most_listed: int = 4
@@ -474,6 +477,11 @@ def averaged(view: View) -> list[tuple[PowerScaledSurrogate, str, float]]:
         " and ".join(map(label_of_cause, each)) if each else label_of_cause(None) for each in causes
     ]
     return list(zip(after.estimators_, labels, after.weights_.tolist(), strict=True))
+
+
+def root_mean_square(values: FloatArray) -> float:
+    """Return the size of residuals or of changes."""
+    return float(np.sqrt(np.mean(values**2)))
 
 
 def _explained(x: FloatArray, curve: FloatArray) -> float:
