@@ -77,8 +77,8 @@ def _drawn(
     table = pd.DataFrame({view.name: x, f"measured {view.output}": y})
     drawn = []
     for name, model in zip(("simulation", "extended model"), models, strict=False):
-        residual = y - view.predicted(model, view.X)[shown]
         at_rows = view.prediction(model, view.X[shown])
+        residual = y - at_rows.mean
         table[name], table[f"{name}, lower 90 %"] = at_rows.mean, at_rows.lower90
         table[f"{name}, upper 90 %"], table[f"{name}, residual"] = at_rows.upper90, residual
         curve, at = at_rows, x
