@@ -232,9 +232,8 @@ def _measured_range(view: View) -> str:
 
 
 def _range(view: View, on_test: HeldOutGain | None) -> Card:
-    result = view.result
     within = _measured_range(view)
-    beyond, where = result.gain_out_of_range, "beyond it"
+    beyond, where = view.result.gain_out_of_range, "beyond it"
     if on_test is not None:
         beyond, where = on_test, "on the rows that you held out"
     if beyond is None:

@@ -23,8 +23,7 @@ from hybridsurrogate.numerics import digits
 
 def section(view: View) -> Section:
     """Return the section."""
-    result = view.result
-    compared = is_compared(result.causes)
+    compared = is_compared(view.result.causes)
     n = int(compared.sum()) - 1
     left = _not_compared(view)
     sentences = [

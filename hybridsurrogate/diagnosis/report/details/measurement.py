@@ -15,8 +15,7 @@ _SCALE = "1 bit decides between two explanations that are equally probable."
 
 def section(view: View) -> Section:
     """Return the section."""
-    result = view.result
-    worth = digits.at_least(result.next_measurement.information)
+    worth = digits.at_least(view.result.next_measurement.information)
     return Section(
         "What to measure next",
         f"worth {worth} bits",
