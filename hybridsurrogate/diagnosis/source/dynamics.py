@@ -27,7 +27,7 @@ def varying_in(parts: SourceParts) -> list[str]:
     assert parts.ode is not None
     ode = parts.ode.function
     numbers = [
-        part.ids[key] for part in parts.inside() for key in (*part.code.numbers, *part.code.by_row)
+        part.ids[key] for part in parts.dynamic() for key in (*part.code.numbers, *part.code.by_row)
     ]
     names = [parts.ids[name] for name in (*ode.rate_names, *ode.start_names)]
     return list(dict.fromkeys([*names, *numbers]))
@@ -92,7 +92,7 @@ def _right_hand_side(
     ode = parts.ode.function
     lines = [definition("right_hand_side", ["rhs", time, "state", *seen, *varying])]
     lines.append('    """Return the slopes of the states with the detected causes in them."""')
-    inside = parts.inside()
+    inside = parts.dynamic()
     for part in inside:
         if part.code.does == "scales rate":
             rate = parts.ids[part.code.of]

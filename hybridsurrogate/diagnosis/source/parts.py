@@ -190,7 +190,7 @@ class SourceParts:
             elif code.does not in ("replaces", "nothing"):
                 self.coded.append(self._part(one, code))
 
-    def inside(self) -> list[SourcePart]:
+    def dynamic(self) -> list[SourcePart]:
         """Return the causes that change the dynamics."""
         return [part for part in self.coded if part.code.does in _INSIDE]
 
