@@ -36,9 +36,8 @@ def compare(given: argparse.Namespace) -> int:
     _check_measured(given)
     there = {word: _names_in(word, given) for word in words}
     _check_all_there(given, set().union(*there.values()))
-    each = {
-        name: _given_to(word, there[word], given) for name, word in zip(names, words, strict=True)
-    }
+    named = zip(names, words, strict=True)
+    each = {name: _given_to(word, there[word], given) for name, word in named}
     studies = {name: read_study_data(own) for name, own in each.items()}
     _check_same_rows(studies)
     first = next(iter(studies.values()))
@@ -66,13 +65,10 @@ def _reported(found: SimulationComparison, given: argparse.Namespace) -> int:
     with stage("Report", given):
         made = found.report(full=given.verbose)
         numbers = made.to_dict()
-        reports = [
-            ("With pictures", given.report, made.save),
-            *(
-                (f"Diagnosis of {name}", _next_to(given.report, name), one.report().save)
-                for name, one in found.diagnoses.items()
-            ),
-        ]
+        reports = [("With pictures", given.report, made.save)]
+        for name, one in found.diagnoses.items():
+            file = _next_to(given.report, name)
+            reports.append((f"Diagnosis of {name}", file, one.report().save))
         files = write_files(given, numbers, reports)
     show(given, f"\n{made}", numbers, *files)
     return 0

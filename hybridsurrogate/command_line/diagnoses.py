@@ -23,14 +23,12 @@ from hybridsurrogate.diagnosis import DiscrepancyDiagnosis
 from hybridsurrogate.estimators import PowerScaledSurrogate
 from hybridsurrogate.surrogates import ExactSurrogate
 
-_DONE, _FOUND = 0, 1
-
 
 def demo(given: argparse.Namespace) -> int:
     """Diagnose data inside the package; return the exit code."""
     if given.list:
         say("\n".join(f"{name:8} {text}" for name, (_, text) in DEMONSTRATIONS.items()))
-        return _DONE
+        return 0
     check_outputs(given)
     shown = DEMONSTRATIONS[given.name][0]()
     study = Study(shown.simulator, ExactSurrogate(), shown.X, shown.y)
@@ -61,7 +59,7 @@ def next_runs(given: argparse.Namespace) -> int:
     """Write the runs that a saved diagnosis asks for; return the exit code."""
     check_outputs(given)
     print_table(read_saved(given.saved, DiscrepancyDiagnosis).next_runs(given.number), given)
-    return _DONE
+    return 0
 
 
 def _diagnosed(
@@ -114,4 +112,4 @@ def _reported(
     show(given, str(made), numbers, *files)
     if study is not None and study.later is not None:
         say(f"\nSince then: {diagnosis.update(*study.later)}")
-    return _FOUND if given.check and diagnosis.verdict_ != "adequate" else _DONE
+    return int(given.check and diagnosis.verdict_ != "adequate")

@@ -90,13 +90,13 @@ def _value(option: Option, value: Any, path: str, folder: Path) -> Any:
             f"{path}: {option.name} must be one of {', '.join(option.choices)}, got {value!r}."
             f"{did_you_mean(value, option.choices)}"
         )
-    if option.kind == "path":
-        return _in_folder(value, folder)
-    return [_in_folder(one, folder) for one in converted] if option.kind == "paths" else converted
-
-
-def _in_folder(file: str, folder: Path) -> str:
-    return file if file == "-" or is_address(file) else str(folder / Path(file).expanduser())
+    if option.kind not in ("path", "paths"):
+        return converted
+    files = [
+        file if file == "-" or is_address(file) else str(folder / Path(file).expanduser())
+        for file in ([converted] if option.kind == "path" else converted)
+    ]
+    return files[0] if option.kind == "path" else files
 
 
 # of measurements, beyond which kriging takes too long; of the polynomial that then takes its place

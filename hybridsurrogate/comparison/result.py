@@ -99,7 +99,8 @@ def _cards(table: pd.DataFrame) -> tuple[Card, ...]:
     weights = ", ".join(f"{name} {weight:.2f}" for name, weight in table["weight"].items())
     second = table.drop(index=best.name)["difference"]
     nearest = table.loc[second.idxmax()]
-    cards = [
+    difference = digits.plus_minus(nearest["difference"], nearest["difference_error"], sign=True)
+    return (
         Card(
             "Most probable?",
             str(table.index[0]),
@@ -108,15 +109,10 @@ def _cards(table: pd.DataFrame) -> tuple[Card, ...]:
         Card(
             "Predicts best?",
             str(best.name),
-            f"{nearest.name} is at "
-            + digits.plus_minus(
-                float(nearest["difference"]), float(nearest["difference_error"]), sign=True
-            )
-            + " nats a held-out row",
+            f"{nearest.name} is at {difference} nats a held-out row",
         ),
         Card("Best mixture?", weights, "weights by stacking"),
-    ]
-    return tuple(cards)
+    )
 
 
 def _caution(chosen: str | None, all_wrong: bool | None) -> str:

@@ -204,12 +204,8 @@ def plot_setup(
     return add_legend(ax)
 
 
-LEVELS = (0.99, 0.9, 0.5)
-_N_LINES = 100
-# share of the outputs drawn that may lie above or below the view
-_RUNAWAY = 0.005
-# how much of a scheme's colour the bands have, the widest first
-_TINTS = (0.18, 0.38, 0.62)
+# central intervals, and how much of a scheme's colour their bands have, the widest first
+LEVELS = {0.99: 0.18, 0.9: 0.38, 0.5: 0.62}
 
 
 def plot_mean_draws(
@@ -253,7 +249,7 @@ def plot_mean_draws(
     x, draws, omega = (np.asarray(values, dtype=float) for values in (x, draws, omega))
     norm = norm or omega_norm([omega])
     # any subset, so that the parts of a mixture, which come one after the other, both show
-    chosen = np.random.default_rng(0).permutation(len(draws))[:_N_LINES]
+    chosen = np.random.default_rng(0).permutation(len(draws))[:100]
     order = np.argsort(x)
     x_all = np.broadcast_to(x[order], (len(chosen), len(x)))
     lines, shown = np.stack([x_all, draws[chosen][:, order]], axis=2), omega[chosen]
@@ -362,7 +358,7 @@ def plot_predictive_bands(
     ax = ax or new_axes()[0]
     x, draws = np.asarray(x, dtype=float), np.asarray(draws, dtype=float)
     order = np.argsort(x)
-    for level, tint in zip(LEVELS, _TINTS, strict=True):
+    for level, tint in LEVELS.items():
         ends = np.quantile(draws, (0.5 - level / 2, 0.5 + level / 2), axis=0)[:, order]
         # mixed with white, so that bands over each other keep their colours
         shade = tuple(1 - tint * (1 - part) for part in to_rgb(colour))
@@ -438,7 +434,7 @@ def _over_beta(
 def _view(draws: Mapping[str, Sequence[ArrayLike]], scene: Scene | None) -> tuple[float, float]:
     """Return the range of outputs to show: wide enough for the data, not for a runaway curve."""
     drawn = [np.asarray(values, dtype=float) for scheme in draws.values() for values in scheme]
-    ends = np.array([np.quantile(values, (_RUNAWAY, 1 - _RUNAWAY)) for values in drawn])
+    ends = np.array([np.quantile(values, (0.005, 0.995)) for values in drawn])
     low, high = ends[:, 0].min(), ends[:, 1].max()
     known = np.empty(0) if scene is None else scene.outputs
     if len(known):

@@ -18,7 +18,6 @@ from hybridsurrogate.plotting.style import (
     BEFORE,
     DATA,
     FEW_VALUES,
-    LITTLE_INFORMATION,
     NINE_TENTHS,
     QUIET,
     grid_of_axes,
@@ -177,10 +176,6 @@ def plot_coverage(
     return ax
 
 
-# bars in the histogram, and points that are drawn at most
-_BARS, _MOST = 10, 2000
-
-
 def plot_emulator(emulator: Emulator, axes: ArrayLike | None = None) -> NDArray[np.object_]:
     """Draw runs left out against what an emulator of all others predicts, and their PIT.
 
@@ -216,20 +211,17 @@ def plot_emulator(emulator: Emulator, axes: ArrayLike | None = None) -> NDArray[
     left_out = emulator.left_out_
     grid = grid_of_axes(axes, (len(left_out), 2), 8.0, 3.6 * len(left_out))
     for (name, one), (scatter, histogram) in zip(left_out.items(), grid, strict=True):
-        some = np.linspace(0, len(one.y) - 1, min(len(one.y), _MOST)).astype(int)
+        some = np.linspace(0, len(one.y) - 1, min(len(one.y), 2000)).astype(int)
         y, mean, sd = one.y[some], one.mean[some], one.sd[some]
         scatter.errorbar(y, mean, NINE_TENTHS * sd, fmt=".", color=AFTER, elinewidth=0.7, ms=3)
         scatter.axline((y.min(), y.min()), slope=1.0, color=DATA, lw=0.8)
         scatter.set(xlabel=f"{name}, simulated", ylabel=f"{name}, predicted without the run")
         scatter.set_title(f"Q² = {one.q2:.4g}")
-        histogram.hist(one.pit, np.linspace(0, 1, _BARS + 1), density=True, color=AFTER)
+        histogram.hist(one.pit, np.linspace(0, 1, 11), density=True, color=AFTER)
         histogram.axhline(1.0, color=DATA, lw=0.8)
         histogram.set(xlabel="PIT of runs left out", ylabel="density")
         histogram.set_title(f"{100 * one.coverage():.0f} % within 90 % intervals")
     return grid
-
-
-_MANY_ROWS = 400
 
 
 class Predicted(NamedTuple):
@@ -309,8 +301,8 @@ def plot_overview(
     ['simulation, calibrated', 'measured']
     """
     top, below = grid_of_axes(None if axes is None else np.asarray(axes), (2, 1), 7.2, 4.8).ravel()
-    size = 3.0 if len(x) <= _MANY_ROWS else 1.6
-    raster = len(x) > 3 * _MANY_ROWS
+    size = 3.0 if len(x) <= 400 else 1.6
+    raster = len(x) > 1200
     series = [(before, BEFORE, "simulation, calibrated", "s")]
     if after is not None:
         series.append((after, AFTER, "extended model", "o"))
@@ -594,7 +586,7 @@ def plot_information(ax: Axes, x: FloatArray, information: FloatArray, place: fl
     ax.axvline(place, color=DATA, lw=1, ls=(0, (1, 1)))
     ax.set_ylabel("information\nin bits")
     # next to nothing shall look like it
-    ax.set_ylim(0, max(float(ax.get_ylim()[1]), LITTLE_INFORMATION))
+    ax.set_ylim(0, max(float(ax.get_ylim()[1]), 0.05))
     return ax
 
 

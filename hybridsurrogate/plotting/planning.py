@@ -18,9 +18,6 @@ from hybridsurrogate.plotting.style import (
     tidy,
 )
 
-# lines that an Axes has room to name within it
-_NAMED = 6
-
 
 def plot_power(table: pd.DataFrame, ax: Axes | None = None, power: float = 0.9) -> Axes:
     """Draw how often each cause is detected, and dashed how often it is named, over its size.
@@ -55,7 +52,7 @@ def plot_power(table: pd.DataFrame, ax: Axes | None = None, power: float = 0.9) 
     ax.axhline(power, color=QUIET, lw=0.8, ls=":")
     ax.set_xscale("log")
     ax.set_ylim(0, 1.02)
-    few = len(names) <= _NAMED
+    few = len(names) <= 6  # an Axes has room to name them
     tidy(ax, "size, in standard deviations of the noise", "share of data sets", legend=few)
     if not few:
         ax.legend(loc="center left", bbox_to_anchor=(1, 0.5), fontsize="x-small", frameon=False)

@@ -29,7 +29,6 @@ from hybridsurrogate.types import FloatArray
 
 # the highest density reaches over this many lines of its neighbours
 _OVERLAP = 1.3
-_N_GRID, _OUTSIDE = 400, 0.003
 
 
 def plot_densities_over_beta(
@@ -76,10 +75,10 @@ def plot_densities_over_beta(
     ax = ax or new_axes(width=5.0, height=1.2 + 0.4 * len(betas))[0]
     given = [np.asarray(values, dtype=float) for values in draws]
     support = (-np.inf, np.inf) if prior is None else tuple(map(float, prior.support()))
-    low = min(float(np.quantile(values, _OUTSIDE)) for values in given)
-    high = max(float(np.quantile(values, 1 - _OUTSIDE)) for values in given)
+    low = min(float(np.quantile(values, 0.003)) for values in given)
+    high = max(float(np.quantile(values, 0.997)) for values in given)
     room = 0.05 * (high - low)
-    grid = np.linspace(max(low - room, support[0]), min(high + room, support[1]), _N_GRID)
+    grid = np.linspace(max(low - room, support[0]), min(high + room, support[1]), 400)
     densities = [_density(values, grid, support) for values in given]
     scale = _OVERLAP / max(float(density.max()) for density in densities)
     believed = None if prior is None else scale * prior.pdf(grid)
@@ -159,8 +158,6 @@ SCORES = {
 }
 # lines of other models
 _LINES = ("-.", ":", (0, (5, 1)), (0, (1, 3)))
-# an RMSE this many times the best asks for a logarithmic scale
-_WIDE_RATIO = 5
 # what is worse than this leaves the view: nats below the best ELPD, times the best RMSE
 _FAR_ELPD, _FAR_RATIO = 8.0, 30.0
 
@@ -231,7 +228,7 @@ def _plot_schemes(ax: Axes, table: pd.DataFrame, score: str, more: bool) -> None
     best, worst = (table[score].max(), table[score].min())[:: 1 if more else -1]
     if more:
         ax.set_ylim(bottom=max(float(ax.get_ylim()[0]), best - _FAR_ELPD))
-    elif best > 0 and worst > _WIDE_RATIO * best:
+    elif best > 0 and worst > 5 * best:
         ax.set_yscale("log")
         ax.set_ylim(0.8 * best, 1.25 * min(worst, _FAR_RATIO * best))
         ax.yaxis.set_major_locator(ticker.LogLocator(subs=(1, 2, 5)))

@@ -30,8 +30,6 @@ OMEGA_COLOURS = ListedColormap(colormaps["viridis"](np.linspace(0, 0.93, 256)), 
 NINE_TENTHS = 1.645
 # a column with at most so many values is no line
 FEW_VALUES = 12
-# bits, of which one more measurement is hardly worth it
-LITTLE_INFORMATION = 0.07
 
 
 class Style(NamedTuple):
@@ -125,10 +123,6 @@ def add_legend(ax: Axes) -> Axes:
     return ax
 
 
-# inches of a legend's column
-_LEGEND_WIDTH = 1.9
-
-
 def explain(axes: Sequence[Axes], below: bool) -> None:
     """Explain the series of several Axes once: below the figure or in the first of the Axes."""
     series: dict[str, Any] = {}
@@ -137,7 +131,8 @@ def explain(axes: Sequence[Axes], below: bool) -> None:
         series = dict(zip(labels, handles, strict=True)) | series
     if series and below:
         figure = axes[0].figure
-        columns = max(1, min(len(series), int(figure.bbox.width / figure.dpi / _LEGEND_WIDTH)))
+        # a column takes 1.9 inches
+        columns = max(1, min(len(series), int(figure.bbox.width / figure.dpi / 1.9)))
         legend = figure.legend(
             list(series.values()), list(series), loc="outside lower center", ncols=columns
         )

@@ -86,9 +86,7 @@ def _cards(result: Detectability) -> tuple[Card, ...]:
     worst = table.loc[table["confused"].idxmax()]
     never = [name for name, size in result.smallest().items() if size != size]
     alarms = result.rates[(result.rates["cause"] == NOTHING) & (result.rates["found"] != NOTHING)]
-    confused = "none"
-    if worst["confused"] > 0:
-        confused = f"{worst['cause']} as {worst['confused_with']}"
+    confused = f"{worst['cause']} as {worst['confused_with']}" if worst["confused"] > 0 else "none"
     return (
         Card(
             "Named",
@@ -117,17 +115,15 @@ def _cards(result: Detectability) -> tuple[Card, ...]:
 def _advice(result: Detectability) -> tuple[Advice, ...]:
     table = result.table
     asked = table[(table["detected"] < POWER) & table["rows"].notna()]
-    out = []
-    if len(asked):
-        row = asked.loc[asked["size"].idxmax()]
-        out.append(
-            Advice(
-                f"To detect {row['cause']} of size {digits.number(row['size'], 2)} in nine of "
-                f"ten data sets, plan about {row['rows']:.0f} rows laid out alike."
-            )
-        )
-    out.append(Advice("Compare other plans:", "hs.detectability(model, other_rows, ...)"))
-    return tuple(out)
+    others = Advice("Compare other plans:", "hs.detectability(model, other_rows, ...)")
+    if asked.empty:
+        return (others,)
+    row = asked.loc[asked["size"].idxmax()]
+    more = (
+        f"To detect {row['cause']} of size {digits.number(row['size'], 2)} in nine of ten data "
+        f"sets, plan about {row['rows']:.0f} rows laid out alike."
+    )
+    return Advice(more), others
 
 
 def _drawn(result: Detectability) -> Drawn:

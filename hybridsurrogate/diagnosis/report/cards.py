@@ -5,10 +5,9 @@ from __future__ import annotations
 from hybridsurrogate.diagnosis.report.details.evidence import needs_smooth_curve
 from hybridsurrogate.diagnosis.report.details.gain import is_better, is_worse
 from hybridsurrogate.diagnosis.report.elements.section import Advice, Card
-from hybridsurrogate.diagnosis.report.elements.view import View, label_of, label_of_cause
+from hybridsurrogate.diagnosis.report.elements.view import SETTINGS, View, label_of, label_of_cause
 from hybridsurrogate.diagnosis.validation.gain import HeldOutGain
 from hybridsurrogate.numerics import digits
-from hybridsurrogate.plotting.style import LITTLE_INFORMATION
 
 
 def advice(view: View) -> tuple[Advice, ...]:
@@ -104,7 +103,7 @@ def _measure(view: View) -> list[Advice]:
         ]
     )
     bits = digits.at_least(result.next_measurement.information)
-    if result.next_measurement.information < LITTLE_INFORMATION:
+    if result.next_measurement.information < SETTINGS.little_information:
         return [
             Advice(
                 "One more measurement would hardly separate the explanations: the best place, "
@@ -233,9 +232,8 @@ def _measured_range(view: View) -> str:
 
 
 def _range(view: View, on_test: HeldOutGain | None) -> Card:
-    result = view.result
     within = _measured_range(view)
-    beyond, where = result.gain_out_of_range, "beyond it"
+    beyond, where = view.result.gain_out_of_range, "beyond it"
     if on_test is not None:
         beyond, where = on_test, "on the rows that you held out"
     if beyond is None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from contextlib import suppress
 from dataclasses import replace
 from typing import Any
 
@@ -115,7 +116,6 @@ def sentence_of(view: View, finding: CauseFinding, cause: Cause) -> str:
     if cause.output is not None:
         inner = replace(finding, target=cause.inner.target)
         return sentence_of(view.of(cause.output), inner, cause.inner)
-    form = headline_of(cause)
     places: dict[str, Any] = {
         "output": view.output,
         "target": (finding.target or "").replace(" * ", " and "),
@@ -129,17 +129,11 @@ def sentence_of(view: View, finding: CauseFinding, cause: Cause) -> str:
         factor = view.log_scale and unit.startswith(log)
         unit = unit.removeprefix(log).lstrip() if factor else unit
         places[name] = _Estimate(*limits, unit, factor)
-    meaning = meaning_of(cause)
-    if form is not None:
-        try:
-            return _capital(form.format_map(places)) + "."
-        except KeyError:  # an estimate that this form does not have
-            pass
-    return (
-        f"{_capital(meaning.format_map(places))}."
-        if meaning
-        else f"The simulation misses something: {label_of_cause(cause)}."
-    )
+    for form in (headline_of(cause), meaning_of(cause)):
+        with suppress(KeyError):  # an estimate that this form does not have
+            if form:
+                return f"{_capital(form.format_map(places))}."
+    return f"The simulation misses something: {label_of_cause(cause)}."
 
 
 def estimates_of(view: View, finding: CauseFinding, cause: Cause) -> str:

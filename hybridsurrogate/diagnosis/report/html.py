@@ -10,6 +10,7 @@ import base64
 import html
 import re
 from collections import deque
+from importlib import resources
 
 import pandas as pd
 
@@ -101,39 +102,7 @@ def _row(items: list[str]) -> str:
     return items[0] if len(items) == 1 else f"<mrow>{''.join(items)}</mrow>"
 
 
-_STYLE = """
-:root{color-scheme:light dark;--ink:#1c1d1f;--soft:#5c6066;--line:#dfe1e4;--paper:#fff;
---warn:#b45309;--tint:#f6f7f8}
-@media (prefers-color-scheme:dark){:root{--ink:#e8e9eb;--soft:#a3a8ae;--line:#3a3d41;
---paper:#17181a;--warn:#f0a04b;--tint:#202225}figure img{filter:invert(.91) hue-rotate(180deg)}}
-body{font:16px/1.5 system-ui,sans-serif;color:var(--ink);background:var(--paper);margin:0 auto;
-max-width:52rem;padding:1.5rem;overflow-wrap:break-word}
-header p,footer p{color:var(--soft);margin:.2rem 0 0;font-size:.875rem}
-h1{font-size:1.75rem;line-height:1.25;margin:.6rem 0 .4rem}
-h2{font-size:1.1rem;margin:1.6rem 0 .4rem}
-.lead{font-size:1.05rem;margin:0 0 .4rem}
-dl.cards{display:grid;grid-template-columns:repeat(auto-fit,minmax(11.5rem,1fr));gap:.75rem;
-margin:1rem 0}
-dl.cards>div{border:1px solid var(--line);border-radius:.5rem;padding:.6rem .8rem;
-background:var(--tint)}
-dt{font-size:.75rem;letter-spacing:.04em;text-transform:uppercase;color:var(--soft)}
-dd{margin:.1rem 0 0}dd b{display:block;font-size:1.15rem}
-.caution{border-left:4px solid var(--warn);padding:.4rem .9rem;background:var(--tint);margin:1rem 0}
-figure{margin:1rem 0}img{display:block;width:100%;height:auto}
-figcaption,caption{font-size:.875rem;color:var(--soft);text-align:left;padding:.3rem 0}
-ol,nav ul{padding-left:1.2rem}nav ul{columns:2;font-size:.9rem}a{color:inherit}
-code,pre{font:.9em ui-monospace,monospace;background:var(--tint);border-radius:.25em}
-code{padding:.1em .3em}pre{padding:.7rem;overflow-x:auto}pre code{padding:0}
-details{border-top:1px solid var(--line);padding:.6rem 0}summary{cursor:pointer;font-weight:600}
-summary span{font-weight:400;color:var(--soft)}
-.wide{overflow-x:auto}table{border-collapse:collapse;font-variant-numeric:tabular-nums;
-margin:.6rem 0}th,td{text-align:left;padding:.25rem .9rem .25rem 0;
-border-bottom:1px solid var(--line)}math{overflow-x:auto;margin:.6rem 0}
-@media (max-width:30rem){body{padding:.9rem}h1{font-size:1.4rem}nav ul{columns:1}}
-@media print{:root{--ink:#000;--paper:#fff;--line:#999;--tint:#fff;color-scheme:light}
-body{max-width:none}figure img{filter:none}nav{display:none}figure,tr,pre{break-inside:avoid}
-h2{break-after:avoid}details::details-content{content-visibility:visible;height:auto}}
-""".replace("\n", "")
+_STYLE = resources.files(__package__).joinpath("page.css").read_text("utf-8").replace("\n", "")
 _NOTE = (
     "Written by hybridsurrogate. Surrogates on two data sources: Reiser, Bürkner and Guthke, "
     "arXiv 2412.11875."

@@ -195,12 +195,11 @@ def first_screen(view: View, test: Test = None, on_test: HeldOutGain | None = No
     on_test : HeldOutGain or None
         On these rows.
     """
-    result = view.result
     doubts = cautions(view)
     rest = f" ({len(doubts) - 1} more under Checks.)" if len(doubts) > 1 else ""
     return FirstScreen(
         f"{subject(view)} · hybridsurrogate {provenance.installed('hybridsurrogate')} · "
-        f"seed {result.settings.random_state}",
+        f"seed {view.result.settings.random_state}",
         headline(view),
         lead(view),
         cards(view, on_test),

@@ -12,7 +12,7 @@ import pandas as pd
 
 from hybridsurrogate.diagnosis.report.elements.section import FirstScreen, Section
 from hybridsurrogate.diagnosis.report.elements.tables import parameter_intervals, thirds
-from hybridsurrogate.diagnosis.report.elements.view import View, averaged
+from hybridsurrogate.diagnosis.report.elements.view import View, averaged, root_mean_square
 from hybridsurrogate.diagnosis.validation.beta_scan import best_beta
 from hybridsurrogate.diagnosis.validation.gain import HeldOutGain
 
@@ -69,8 +69,8 @@ def summary(
             "thirds": thirds(view),
         },
         "residual_rms": {
-            "before": np.sqrt(np.mean((view.y - view.before) ** 2)),
-            "after": np.sqrt(np.mean((view.y - view.after) ** 2)),
+            "before": root_mean_square(view.y - view.before),
+            "after": root_mean_square(view.y - view.after),
         },
         "gain": gains["within"],
         "gain_out_of_range": gains["beyond"],

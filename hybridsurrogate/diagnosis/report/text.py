@@ -6,7 +6,7 @@ import textwrap
 
 import pandas as pd
 
-from hybridsurrogate.diagnosis.report.elements.section import Advice, Card, FirstScreen, Section
+from hybridsurrogate.diagnosis.report.elements.section import Card, FirstScreen, Section
 
 _WIDTH, _HOLD = 88, "\u00a0"
 
@@ -18,7 +18,8 @@ def screen(first: FirstScreen) -> str:
     lines += [_card(card, width) for card in first.cards]
     if first.caution:
         lines += ["", wrapped(f"Caution: {first.caution}")]
-    lines += ["", "Next:", *map(_advice, first.advice)]
+    lines += ["", "Next:"]
+    lines += [wrapped(f"{one.sentence} {one.call}".rstrip(), "- ", "  ") for one in first.advice]
     lines += ["", wrapped("Everything else: report(full=True), or .save('report.html').")]
     return "\n".join(lines)
 
@@ -65,8 +66,3 @@ def _card(card: Card, width: int) -> str:
         f"{card.question:<{width}}  ",
         " " * (width + 2),
     )
-
-
-def _advice(advice: Advice) -> str:
-    call = f" {advice.call}" if advice.call else ""
-    return wrapped(f"{advice.sentence}{call}", "- ", "  ")

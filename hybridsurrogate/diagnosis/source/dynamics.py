@@ -27,7 +27,7 @@ def varying_in(parts: SourceParts) -> list[str]:
     assert parts.ode is not None
     ode = parts.ode.function
     numbers = [
-        part.ids[key] for part in parts.inside() for key in (*part.code.numbers, *part.code.by_row)
+        part.ids[key] for part in parts.dynamic() for key in (*part.code.numbers, *part.code.by_row)
     ]
     names = [parts.ids[name] for name in (*ode.rate_names, *ode.start_names)]
     return list(dict.fromkeys([*names, *numbers]))
@@ -50,6 +50,13 @@ def dynamics(model: ExtendedModel, parts: SourceParts) -> list[str]:
         f"START = {text_of(ode.start)}",
         f"STEP = {text_of(step)}  # the longest of the solver",
         f"SIZES = np.array([{', '.join(text_of(size) for size in sizes)}])",
+        "SOLVER = {",
+        f'    "method": "{_METHODS.get(ode.method, ode.method)}",',
+        '    "dense_output": True,',
+        '    "rtol": 1e-8,',
+        '    "atol": 1e-10 * SIZES,',
+        '    "max_step": STEP,',
+        "}",
     ]
     if not parts.start:
         first = ode.initial_state
@@ -64,7 +71,6 @@ def dynamics(model: ExtendedModel, parts: SourceParts) -> list[str]:
         "definition": definition("solution", ["rhs", *parts.start, "times", *varying]),
         "time": time,
         "slope": slope + "[:, 0]",
-        "method": _METHODS.get(ode.method, ode.method),
         "first": "    first = FIRST",
     }
     if parts.start:
@@ -86,7 +92,7 @@ def _right_hand_side(
     ode = parts.ode.function
     lines = [definition("right_hand_side", ["rhs", time, "state", *seen, *varying])]
     lines.append('    """Return the slopes of the states with the detected causes in them."""')
-    inside = parts.inside()
+    inside = parts.dynamic()
     for part in inside:
         if part.code.does == "scales rate":
             rate = parts.ids[part.code.of]
@@ -144,16 +150,7 @@ _SOLUTION = '''{definition}
 {slope}
 
     latest = max(np.max(times), START + STEP)
-    solved = solve_ivp(
-        derivative,
-        (START, latest),
-        first,
-        method="{method}",
-        dense_output=True,
-        rtol=1e-8,
-        atol=1e-10 * SIZES,
-        max_step=STEP,
-    )
+    solved = solve_ivp(derivative, (START, latest), first, **SOLVER)
     if not solved.success:
         raise RuntimeError(solved.message)
     return solved.sol(times)'''
@@ -186,11 +183,7 @@ _LATE_SOLUTION = '''{definition}
             derivative,
             (ends[-1], min(ends[-1] + longest, latest)),
             first if not solved else solved[-1](ends[-1]),
-            method="{method}",
-            dense_output=True,
-            rtol=1e-8,
-            atol=1e-10 * SIZES,
-            max_step=STEP,
+            **SOLVER,
         )
         if not piece.success:
             raise RuntimeError(piece.message)

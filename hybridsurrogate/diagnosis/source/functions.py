@@ -62,14 +62,12 @@ def _does(part: SourcePart, parts: SourceParts) -> str:
         "scales rate": f"Return the factor on {code.of} at a time.",
         "adds to slope": f"Return what is added to the slope of {code.of}.",
         "delays": f"Return how long ago the slopes see {code.of}.",
-    }
-    noises = {
         "noise_sd": f"Return the standard deviation of the noise of {word}{output}.",
         "noise_covariance": f"Return the covariance of correlated noise of {word}{output}.",
         "noise_variance": f"Return the variance of counts of {output}.",
         "noise_draws": f"Return draws of the noise of {word}{output}.",
     }
-    text = inline(said.get(code.does) or noises[code.name])
+    text = inline(said[code.name if code.does == "scatters" else code.does])
     # a name that is too long stands in the docstring of the module
     return text if len(text) <= WIDTH - 10 else f"{text.partition(': ')[0].rstrip('.')}."
 
@@ -86,15 +84,13 @@ def extended_function(model: ExtendedModel, parts: SourceParts) -> str:
     labelled = [parts.columns[c] for c in model.labels if c in parts.columns]
     numeric = [c for c in parts.columns.values() if c not in labelled]
     numeric += list(parts.parameters.values())
-    lines.append(call("rows", numeric, f"{', '.join(numeric)} = " if len(numeric) > 1 else ""))
-    if len(numeric) == 1:
-        lines[-1] = f"    ({numeric[0]},) = rows({numeric[0]})"
+    targets = f"({numeric[0]},)" if len(numeric) == 1 else ", ".join(numeric)
+    lines.append(call("rows", numeric, f"{targets} = " if numeric else ""))
     lines += [f"    {name} = np.asarray({name})" for name in labelled]
     now = dict(parts.ids)
-    lines += _moves(parts, now)
-    lines += _run(model, parts, now)
-    lines += _changes(model, parts)
-    return "\n".join(lines)
+    return "\n".join(
+        [*lines, *_moves(parts, now), *_run(model, parts, now), *_changes(model, parts)]
+    )
 
 
 def _explained(model: ExtendedModel, parts: SourceParts) -> list[str]:

@@ -101,9 +101,8 @@ class ExtendedModel:
 
 def link_of(likelihood: Likelihood) -> tuple[str, str]:
     """Return the scale on which causes act, and a word for it."""
-    plain = likelihood
-    while hasattr(plain, "plain"):
-        plain = plain.plain
+    # causes do not act on limits of measurements
+    plain = getattr(likelihood, "plain", likelihood)
     if isinstance(plain, Binomial):
         return f"logit {plain.trials}", "log odds of "
     eta = np.asarray(plain.link(_TRIED))
@@ -162,11 +161,9 @@ class SourceParts:
         # what is passed to solve it: the function of the start, where there is one
         self.start = ["initial_state"] if self.ode and callable(self.ode.initial_state) else []
         self.link, self.word = link_of(model.likelihood)
-        causes = [one for one in model.causes if one.cause.is_learned]
-        codes = [code_of(one.cause) for one in causes]
-        read = [c for code in codes if code for c in code.columns.values()]
-        own = [one.cause for one, code in zip(causes, codes, strict=True) if code is None]
-        read += [column for cause in own for column in cause.reads]
+        causes = [(one, code_of(one.cause)) for one in model.causes if one.cause.is_learned]
+        read = [c for _, code in causes if code for c in code.columns.values()]
+        read += [column for one, code in causes if code is None for column in one.cause.reads]
         known = [*model.inputs, *model.parameters, *model.assumed]
         self.columns = {
             name: self.names.new(name)
@@ -178,7 +175,7 @@ class SourceParts:
         self.ids = {**self.columns, **self.parameters}
         self._replaced = {
             code.of: self._draws(one)["value"]
-            for one, code in zip(causes, codes, strict=True)
+            for one, code in causes
             if code is not None and code.does == "replaces"
         }
         self._constant_of_parameters()
@@ -187,13 +184,13 @@ class SourceParts:
         # of several outputs the one that such a cause concerns, and the unit that it knows
         self.unit_of_own: dict[str, tuple[str, float]] = {}
         self._of_simulator()
-        for one, code in zip(causes, codes, strict=True):
+        for one, code in causes:
             if code is None:
                 self.own.append(self._own(one))
             elif code.does not in ("replaces", "nothing"):
                 self.coded.append(self._part(one, code))
 
-    def inside(self) -> list[SourcePart]:
+    def dynamic(self) -> list[SourcePart]:
         """Return the causes that change the dynamics."""
         return [part for part in self.coded if part.code.does in _INSIDE]
 

@@ -53,6 +53,8 @@ def docstring(model: ExtendedModel, parts: SourceParts) -> str:
         "name stands for the unit of what it names."
     )
     lines = [line for each in text for line in [*textwrap.wrap(inline(each), WIDTH), ""]]
+    if lines.index("") > 1:  # the first is no longer than a line
+        lines = [f"An extension of {inline(model.name)[:60]}.", "", *lines]
     if parts.estimates:
         width = max(len(name) for name, _, _ in parts.estimates)
         table = [f"    {n:{width}}  {known} {unit}".rstrip() for n, known, unit in parts.estimates]
@@ -65,12 +67,7 @@ def docstring(model: ExtendedModel, parts: SourceParts) -> str:
         lines += [f"    from {module} import {name}" for name, module in model.functions]
         lines += ["", f"    extended({', '.join([*given, *parts.columns.values()])})", ""]
     lines += [*textwrap.wrap(inline(model.written_by), WIDTH), ""] if model.written_by else []
-    return '"""' + "\n".join(_first_alone(lines, model.name)[:-1]).rstrip('"') + '\n"""'
-
-
-def _first_alone(lines: list[str], name: str) -> list[str]:
-    """Return lines of a docstring of which the first is no longer than a line."""
-    return lines if lines.index("") == 1 else [f"An extension of {inline(name)[:60]}.", "", *lines]
+    return '"""' + "\n".join(lines[:-1]).rstrip('"') + '\n"""'
 
 
 HELPERS = {

@@ -375,7 +375,7 @@ def test_an_emulator_gets_its_beta_scan(named, monkeypatch):
     # the scan itself takes seconds, and is tested in test_diagnosis
     asked = []
 
-    def scan(models, betas, folds, X, y, n_jobs, weights, *_):
+    def scan(models, betas, folds, *_):
         asked.append((tuple(betas), [len(held) for _, held in folds]))
         return scan_of([-0.5, -0.9, -1.2], [-0.4, -0.3, -0.6])
 

@@ -122,11 +122,10 @@ def _averaged(view: View) -> list[str]:
 
 def cautions(view: View) -> list[str]:
     """Return every reason to doubt the headline, the most important first."""
-    result = view.result
-    out = [one.sentence for one in result.cautions]
+    out = [one.sentence for one in view.result.cautions]
     out += _at_prior_ends(view) + _residual_structure(view) + _worse(view)
     out += _failed_runs(view) + _doubtful_draws(view)
-    return [*out, *sentences_on_parameters(confounded(result.extension.confounded))]
+    return [*out, *sentences_on_parameters(confounded(view.result.extension.confounded))]
 
 
 def _at_prior_ends(view: View) -> list[str]:

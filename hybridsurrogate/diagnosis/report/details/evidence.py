@@ -16,14 +16,14 @@ from hybridsurrogate.diagnosis.report.elements.view import (
     label,
     label_of,
     label_of_cause,
+    root_mean_square,
 )
 from hybridsurrogate.numerics import digits
 
 
 def section(view: View) -> Section:
     """Return the section."""
-    result = view.result
-    compared = is_compared(result.causes)
+    compared = is_compared(view.result.causes)
     n = int(compared.sum()) - 1
     left = _not_compared(view)
     sentences = [
@@ -118,7 +118,7 @@ def _alike(view: View) -> list[str]:
     parts = []
     for other in others:
         gap = curve - working(view.expected(found, other, view.X))
-        size = float(np.sqrt(np.mean(gap**2))) / noise
+        size = root_mean_square(gap) / noise
         parts.append(f"{digits.at_least(size)} from {label_of(other)}")
     return [
         f"At the measured rows the curve of {label_of(first)} differs by so many standard "

@@ -52,8 +52,7 @@ def formulas(view: View) -> tuple[tuple[str, str, str], ...]:
     out = []
     for finding, cause in view.findings:
         # of several outputs a formula without "in" is of all of them
-        whole = digits.listing(list(view.outputs)) if view.stacking is not None else view.output
-        own = cause.output or whole
+        own = cause.output or digits.listing(list(view.outputs))
         plain, latex = own, word(own)
         if view.log_scale:
             plain, latex = f"log {plain}", rf"\log {latex}"

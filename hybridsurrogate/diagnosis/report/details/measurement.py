@@ -9,15 +9,13 @@ from hybridsurrogate.diagnosis.report.elements.section import Picture, Section
 from hybridsurrogate.diagnosis.report.elements.tables import noise_of
 from hybridsurrogate.diagnosis.report.elements.view import SETTINGS, View, label_of
 from hybridsurrogate.numerics import digits
-from hybridsurrogate.plotting.style import LITTLE_INFORMATION
 
 _SCALE = "1 bit decides between two explanations that are equally probable."
 
 
 def section(view: View) -> Section:
     """Return the section."""
-    result = view.result
-    worth = digits.at_least(result.next_measurement.information)
+    worth = digits.at_least(view.result.next_measurement.information)
     return Section(
         "What to measure next",
         f"worth {worth} bits",
@@ -38,7 +36,7 @@ def _sentences(view: View, worth: str) -> list[str]:
     first, *others = view.alternatives(asked)
     if not others:
         return ["There is one explanation only: nothing to separate."]
-    if result.next_measurement.information < LITTLE_INFORMATION:
+    if result.next_measurement.information < SETTINGS.little_information:
         why = (
             "the data have decided between them"
             if asked.probability.max() > SETTINGS.decided

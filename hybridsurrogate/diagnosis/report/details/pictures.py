@@ -12,7 +12,12 @@ from matplotlib.axes import Axes
 from hybridsurrogate import plotting
 from hybridsurrogate.diagnosis.answers.experimental_design import information_at
 from hybridsurrogate.diagnosis.report.elements.section import Drawn, logarithmic, rendered
-from hybridsurrogate.diagnosis.report.elements.view import SETTINGS, View, label_of
+from hybridsurrogate.diagnosis.report.elements.view import (
+    SETTINGS,
+    View,
+    label_of,
+    root_mean_square,
+)
 from hybridsurrogate.diagnosis.validation.beta_scan import best_beta
 from hybridsurrogate.diagnosis.validation.gain import COVERAGE_LEVEL, HeldOutGain
 from hybridsurrogate.effects.context import MOST_EXPERIMENTS
@@ -45,9 +50,10 @@ def picture_overview(view: View, test: Test = None) -> Drawn:
     if view.extended:
         lines += " and the extended model (orange)"
     held = "; circles: held out, seen by no fit" if test is not None else ""
+    of = "" if view.stacking is None else f" of {view.output}"
     return rendered(
         axes,
-        f"{since}Above: measurements (dots), {lines} with 90 % intervals{held}. Below: the "
+        f"{since}Above: measurements{of} (dots), {lines} with 90 % intervals{held}. Below: the "
         "residuals.",
         table,
     )
@@ -71,8 +77,8 @@ def _drawn(
     table = pd.DataFrame({view.name: x, f"measured {view.output}": y})
     drawn = []
     for name, model in zip(("simulation", "extended model"), models, strict=False):
-        residual = y - view.predicted(model, view.X)[shown]
         at_rows = view.prediction(model, view.X[shown])
+        residual = y - at_rows.mean
         table[name], table[f"{name}, lower 90 %"] = at_rows.mean, at_rows.lower90
         table[f"{name}, upper 90 %"], table[f"{name}, residual"] = at_rows.upper90, residual
         curve, at = at_rows, x
@@ -189,28 +195,6 @@ def picture_course(view: View, course: pd.DataFrame) -> Drawn:
     )
 
 
-def picture_output(view: View) -> Drawn:
-    """Draw another of several outputs with the extended model, and its residuals."""
-    top, bottom = axes = plotting.new_axes(2, 1, height=5.0, share=True)
-    model = view.result.extension.estimator
-    name, colour = "simulation, calibrated", BEFORE
-    if view.extended:
-        name, colour = "extended model", AFTER
-    _draw_model(top, view, model, colour, name, view.x.min(), view.x.max())
-    plotting.plot_measured(top, view.x, view.y)
-    logarithmic(top, view, view.y)
-    plotting.tidy(top, "", view.axis(view.output))
-    left = view.working_residuals(view.found)
-    plotting.plot_residuals(bottom, view.x, left, colour, "residual")
-    plotting.tidy(bottom, view.axis(view.name), f"{view.log}measured - {view.log}predicted", False)
-    rms = digits.number(float(np.sqrt(np.mean(left**2))), 3)
-    return rendered(
-        axes,
-        f"Above: measured {view.output} over {view.name} and the {name}. Below: measured minus "
-        f"predicted, {rms} as a root mean square.",
-    )
-
-
 def picture_causes(view: View) -> Drawn:
     """Draw the probabilities of the causes."""
     candidates, probabilities = zip(*view.candidates[: SETTINGS.most_causes], strict=True)
@@ -233,7 +217,7 @@ def picture_residuals(view: View) -> Drawn:
         zip(view.models.values(), looks, strict=False)
     ):
         residual = view.working_residuals(model)
-        sizes.append(f"{digits.number(float(np.sqrt(np.mean(residual**2))), 3)} {word}")
+        sizes.append(f"{digits.number(root_mean_square(residual), 3)} {word}")
         plotting.plot_residuals(axes[k], view.x, residual, colour, word)
         plotting.tidy(
             axes[k],
@@ -366,16 +350,3 @@ def _described(view: View) -> str:
         f"excludes zero {part} the measured range. The parameters are estimated together with the "
         "curve, and so differ from those of the first picture."
     )
-
-
-def _draw_model(
-    ax: Axes, view: View, model: object, colour: str, name: str, low: float, high: float
-) -> None:
-    if view.is_curve:
-        rows = view.grid(low, high)
-        predicted = view.prediction(model, rows)
-        plotting.plot_prediction(ax, rows[:, view.shown], predicted, colour, name)
-    else:
-        # with several columns a curve would belong to rows that nobody measured
-        predicted = view.prediction(model, view.X)
-        plotting.plot_prediction(ax, view.x, predicted, colour, name, curve=False)

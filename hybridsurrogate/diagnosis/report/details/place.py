@@ -8,7 +8,12 @@ from hybridsurrogate.diagnosis.answers.discrepancy import Third
 from hybridsurrogate.diagnosis.report.details import pictures
 from hybridsurrogate.diagnosis.report.elements.section import Picture, Section, Table
 from hybridsurrogate.diagnosis.report.elements.tables import output_table, third_table, thirds
-from hybridsurrogate.diagnosis.report.elements.view import SETTINGS, View, label_of_cause
+from hybridsurrogate.diagnosis.report.elements.view import (
+    SETTINGS,
+    View,
+    label_of_cause,
+    root_mean_square,
+)
 from hybridsurrogate.numerics import digits
 
 
@@ -82,7 +87,7 @@ def _sentences(view: View) -> list[str]:
         place = digits.listing(
             [f"{n} = {digits.number(v)}" for n, v in zip(view.columns, view.X[most], strict=True)]
         )
-        rms = float(np.sqrt(np.mean(change**2)))
+        rms = root_mean_square(change)
         out.append(
             f"The extended model moves the predictions at the measured rows by {view.amount(rms)} "
             f"(root mean square), most at {place}: {view.amount(float(view.change[most]))}."
@@ -129,7 +134,7 @@ def section_on_outputs(view: View) -> tuple[Section, ...]:
             digits.listing(list(view.outputs)),
             tuple(_of_outputs(view)),
             tables=(Table(output_table(view), "Residuals and noise, root mean squares"),),
-            pictures=tuple(Picture(pictures.picture_output, one) for one in others),
+            pictures=tuple(Picture(pictures.picture_overview, one) for one in others),
         ),
     )
 

@@ -9,7 +9,7 @@ import pandas as pd
 
 from hybridsurrogate.diagnosis.answers.discrepancy import Third, shares_of_thirds
 from hybridsurrogate.diagnosis.answers.finding import form_of
-from hybridsurrogate.diagnosis.report.elements.view import SETTINGS, View
+from hybridsurrogate.diagnosis.report.elements.view import SETTINGS, View, root_mean_square
 from hybridsurrogate.diagnosis.search.candidate import total_evidence
 from hybridsurrogate.effects.base import Cause
 from hybridsurrogate.effects.context import label_columns
@@ -121,8 +121,7 @@ def estimate_table(view: View) -> pd.DataFrame:
     for name, limits in parameter_intervals(view).items():
         shown, unit = ("noise", view.scale) if name == "sigma" else (name, view.units.get(name, ""))
         if view.stacking is not None and name.startswith("noise of "):
-            output = name.removeprefix("noise of ")
-            unit = f"log {output}" if view.log_scale else view.unit_of(output)
+            unit = view.of(name.removeprefix("noise of ")).scale
         before, after = (digits.interval(*limits[w]) if w in limits else "" for w in _WORDS)
         rows.append((shown, unit, before, after))
     table = pd.DataFrame(rows, columns=["quantity", "unit", *_WORDS])
@@ -197,23 +196,15 @@ def noise_of(view: View, after: bool = False) -> str:
 
 def output_table(view: View) -> pd.DataFrame:
     """Return the residuals of each of several outputs as a root mean square, and its noise."""
-    models = (view.result.before, view.found)
     rows = []
     for name in view.outputs:
         one = view.of(name)
-        left = [
-            digits.number(float(np.sqrt(np.mean((one.y - p) ** 2))))
-            for p in (one.before, one.after)
-        ]
-        noise = [digits.number(one.noise(model)) for model in models]
-        rows.append((name, len(one.y), *left, *noise))
-    columns = [
-        "output",
-        "measurements",
-        *(f"{w} {k}" for w in ("residual", "noise") for k in _WORDS),
-    ]
-    table = pd.DataFrame(rows, columns=columns)
-    return table if view.extended else table[[c for c in columns if not c.endswith("after")]]
+        left = [root_mean_square(one.y - p) for p in (one.before, one.after)]
+        noise = [one.noise(model) for model in (view.result.before, view.found)]
+        rows.append((name, len(one.y), *map(digits.number, [*left, *noise])))
+    columns = [f"{what} {when}" for what in ("residual", "noise") for when in _WORDS]
+    table = pd.DataFrame(rows, columns=["output", "measurements", *columns])
+    return table if view.extended else table.drop(columns=columns[1::2])
 
 
 def rounded(table: pd.DataFrame, n: int) -> pd.DataFrame:

@@ -42,6 +42,8 @@ class ReportSettings:
     likely : float
         Probability from which on a smooth curve in addition to the causes, and the closest match
         as what is wrong, are stated.
+    little_information : float
+        Expected information in bits below which one more measurement is hardly worth it.
     decided : float
         Probability from which on a question needs no further measurement.
     most_kinds, most_listed : int
@@ -62,6 +64,7 @@ class ReportSettings:
     """
 
     likely: float = 0.5
+    little_information: float = 0.07
     decided: float = 0.95
     most_kinds: int = 3
     most_listed: int = 4
@@ -340,17 +343,14 @@ class View:
     @property
     def candidates(self) -> list[tuple[Candidate, float]]:
         """All causes that were compared, with their probabilities, most probable first."""
-        result = self.search
-        order = np.argsort(-result.probability, kind="stable")
-        return [(result.candidates[k], float(result.probability[k])) for k in order]
+        return _ranked(self.search)
 
     def alternatives(self, result: Search) -> list[Candidate]:
         """Return the most probable explanations, at least two where there are two."""
-        order = np.argsort(-result.probability, kind="stable")[: SETTINGS.most_listed]
         return [
-            result.candidates[k]
-            for place, k in enumerate(order)
-            if place < 2 or result.probability[k] > SETTINGS.worth_drawing
+            candidate
+            for place, (candidate, p) in enumerate(_ranked(result)[: SETTINGS.most_listed])
+            if place < 2 or p > SETTINGS.worth_drawing
         ]
 
     def other_forms(self) -> list[Candidate]:
@@ -474,6 +474,16 @@ def averaged(view: View) -> list[tuple[PowerScaledSurrogate, str, float]]:
         " and ".join(map(label_of_cause, each)) if each else label_of_cause(None) for each in causes
     ]
     return list(zip(after.estimators_, labels, after.weights_.tolist(), strict=True))
+
+
+def _ranked(result: Search) -> list[tuple[Candidate, float]]:
+    order = np.argsort(-result.probability, kind="stable")
+    return [(result.candidates[k], float(result.probability[k])) for k in order]
+
+
+def root_mean_square(values: FloatArray) -> float:
+    """Return the size of residuals or of changes."""
+    return float(np.sqrt(np.mean(values**2)))
 
 
 def _explained(x: FloatArray, curve: FloatArray) -> float:
