@@ -23,18 +23,12 @@ from hybridsurrogate.arguments import (
     check_number,
     state_to_pickle,
 )
-from hybridsurrogate.exceptions import RowByRowWarning, did_you_mean
+from hybridsurrogate.exceptions import FailedRunsWarning, RowByRowWarning, did_you_mean
 from hybridsurrogate.priors import prior_range
 from hybridsurrogate.simulation.arrays import as_numbers, as_table
+from hybridsurrogate.simulation.calls import Function, TakesNumbersError
 from hybridsurrogate.simulation.design import draw_design, run_with_ends
-from hybridsurrogate.simulation.evaluation import (
-    Function,
-    OutputCache,
-    Running,
-    TakesNumbersError,
-    evaluate,
-    warn_of_lost_curves,
-)
+from hybridsurrogate.simulation.evaluation import OutputCache, Running, evaluate
 from hybridsurrogate.simulation.modification import Modification
 from hybridsurrogate.simulation.outputs import OUTPUT, OneOutput, by_output, output_names
 from hybridsurrogate.simulation.run_store import RunStore
@@ -389,9 +383,7 @@ class Simulator:
         points, y, error = run_with_ends(outputs, points, ranges[:k], ends)
         X, omega = np.split(points, [k], axis=1)
         X, omega, y = drop_failed(X, omega, y, f"runs of {self.name!r}", error)
-        return SimulationData(
-            X, omega, y, self.input_ranges, self.parameters, self.assumed, self.outputs, self
-        )
+        return self._runs(X, omega, y)
 
     def run_at(
         self,
@@ -471,18 +463,26 @@ class Simulator:
         run, X, omega = self._curve_rows(points, places)
         y, error = self._evaluate(X, omega, running)
         kept = np.asarray(np.isfinite(y).reshape(len(y), -1).any(axis=1))
-        warn_of_lost_curves(self.name, run, kept, len(places), error)
-        return SimulationData(
-            X[kept],
-            omega[kept],
-            y[kept],
-            self.input_ranges,
-            self.parameters,
-            self.assumed,
-            self.outputs,
-            self,
-            run[kept],
-        )
+        if not kept.any():
+            raise ValueError(
+                f"All {len(points)} runs of {self.name!r} failed. First error: {error}"
+            )
+        if not kept.all():
+            lost = np.setdiff1d(run, run[kept])
+            warnings.warn(
+                f"{len(lost)} of {len(points)} runs of {self.name!r} failed and were dropped, "
+                f"{np.sum(~kept) - len(lost) * len(places)} further outputs are missing. "
+                f"First error: {error or 'they hold NaN or infinity'}.",
+                FailedRunsWarning,
+                stacklevel=3,
+            )
+        return self._runs(X[kept], omega[kept], y[kept], run[kept])
+
+    def _runs(
+        self, X: FloatArray, omega: FloatArray, y: FloatArray, run: NDArray[np.intp] | None = None
+    ) -> SimulationData:
+        named = self.input_ranges, self.parameters, self.assumed, self.outputs
+        return SimulationData(X, omega, y, *named, self, run)
 
     @property
     def _omega_names(self) -> tuple[str, ...]:
