@@ -26,7 +26,7 @@ from hybridsurrogate.arguments import (
 from hybridsurrogate.exceptions import FailedRunsWarning, RowByRowWarning, did_you_mean
 from hybridsurrogate.priors import prior_range
 from hybridsurrogate.simulation.arrays import as_numbers, as_table
-from hybridsurrogate.simulation.calls import Function, TakesNumbersError
+from hybridsurrogate.simulation.calls import Function, TakesNumbersError, accepted_names
 from hybridsurrogate.simulation.design import draw_design, run_with_ends
 from hybridsurrogate.simulation.evaluation import OutputCache, Running, evaluate
 from hybridsurrogate.simulation.modification import Modification
@@ -157,7 +157,14 @@ class Simulator:
             "cache": OutputCache(),
         }
         self.__dict__.update(fields)
-        _check_arguments(function, self.name, (*self.input_names, *self.parameter_ranges))
+        names = (*self.input_names, *self.parameter_ranges)
+        unknown = sorted({*names} - {*accepted_names(function, repr(self.name), names)})
+        if unknown:
+            raise TypeError(
+                f"{self.name!r} has no argument {', '.join(unknown)}: inputs, parameters and "
+                "assumed constants are passed to it by name."
+                f"{did_you_mean(unknown, inspect.signature(function).parameters)}"
+            )
 
     @property
     def name(self) -> str:
@@ -579,27 +586,3 @@ def _is_matrix(values: ArrayLike | None, n_columns: int) -> TypeGuard[FloatArray
         and values.dtype == np.float64
         and values.shape[1:] == (n_columns,)
     )
-
-
-def _check_arguments(function: Callable[..., Any], title: str, names: tuple[str, ...]) -> None:
-    try:
-        arguments = inspect.signature(function).parameters.values()
-    except ValueError:  # some compiled functions have no signature
-        return
-    by_name = [a for a in arguments if a.kind in (a.POSITIONAL_OR_KEYWORD, a.KEYWORD_ONLY)]
-    unknown = set(names) - {a.name for a in by_name}
-    if unknown and not any(a.kind == a.VAR_KEYWORD for a in arguments):
-        raise TypeError(
-            f"{title!r} has no argument {', '.join(sorted(unknown))}: inputs, parameters and "
-            "assumed constants are passed to it by name."
-            f"{did_you_mean(sorted(unknown), [a.name for a in by_name])}"
-        )
-    optional = (inspect.Parameter.VAR_POSITIONAL, inspect.Parameter.VAR_KEYWORD)
-    needed = [a.name for a in arguments if a.default is a.empty and a.kind not in optional]
-    absent = [name for name in needed if name not in names]
-    if absent:
-        raise TypeError(
-            f"{title!r} needs {', '.join(absent)}, which is no input, parameter or assumed "
-            "constant: name it as one, or give it a default."
-            f"{did_you_mean(absent, names)}"
-        )
