@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -55,10 +55,13 @@ def arviz_of(
         for name in first
         if all(_alike(first[name], other.get(name)) for other in others)
     }
-    names = {name: _as_variable(name) for name in shared}
+    # ArviZ would drop what is called like its dimensions
+    own = ("chain", "draw")
+    names = {name: f"parameter_{name}" if name in own else name for name in shared}
     of_prior = prior_draws(list(first.values()), _PRIOR_DRAWS, random)
     columns = {v.column: v.labels for v in first.values() if v.column is not None}
-    dimension = {column: _as_dimension(column, names.values()) for column in columns}
+    taken = {*own, *names.values()}
+    dimension = {column: f"{column}_label" if column in taken else column for column in columns}
     return arviz_groups(
         {
             "posterior": {
@@ -83,15 +86,6 @@ def _alike(one: Variable, other: Variable | None) -> bool:
     if other is None:
         return False
     return one.values.shape[1:] == other.values.shape[1:] and one.labels == other.labels
-
-
-def _as_variable(name: str) -> str:
-    """Return the name of a variable: ArviZ would drop what is called like its dimensions."""
-    return f"parameter_{name}" if name in ("chain", "draw") else name
-
-
-def _as_dimension(column: str, variables: Iterable[str]) -> str:
-    return f"{column}_label" if column in ("chain", "draw", *variables) else column
 
 
 def arviz_groups(

@@ -8,7 +8,7 @@ import os
 import pickle
 import platform
 import warnings
-from pathlib import Path
+from contextlib import suppress
 from typing import Any
 
 import numpy as np
@@ -96,8 +96,11 @@ def about_saved(path: str | os.PathLike[str]) -> dict[str, Any]:
         Where there is no such file.
     """
     file = check_readable(path)
-    about = _head(file)
-    if about is None:
+    about = None
+    with file.open("rb") as head, suppress(ValueError):
+        if head.readline(len(_FIRST)) == _FIRST:
+            about = json.loads(head.readline(_LONGEST))
+    if not isinstance(about, dict):
         raise ValueError(
             f"{str(file)!r} is no saved fit or diagnosis: hybridsurrogate.save writes one."
         )
@@ -171,14 +174,3 @@ def _versions() -> dict[str, str]:
         "numpy": np.__version__,
         "scikit-learn": sklearn.__version__,
     }
-
-
-def _head(path: Path) -> dict[str, Any] | None:
-    with path.open("rb") as file:
-        if file.readline(len(_FIRST)) != _FIRST:
-            return None
-        try:
-            about = json.loads(file.readline(_LONGEST))
-        except ValueError:
-            return None
-    return about if isinstance(about, dict) else None

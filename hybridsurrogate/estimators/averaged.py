@@ -260,21 +260,22 @@ class AveragedSurrogate(SurrogateEstimator):
             )
         return weights
 
+    def _weighted(self) -> list[tuple[float, PowerScaledSurrogate]]:
+        """Return the estimators that have a weight, after it."""
+        pairs = zip(self.weights_.tolist(), self.estimators_, strict=True)
+        return [(weight, one) for weight, one in pairs if weight > 0]
+
     def _mixture(self, X: FloatArray | None = None) -> list[tuple[Any, Posterior]]:
-        pairs = zip(self.weights_, self.estimators_, strict=True)
-        return [(float(weight), one.posterior_) for weight, one in pairs if weight > 0]
+        return [(weight, one.posterior_) for weight, one in self._weighted()]
 
     def _learned(self, X: FloatArray | None = None) -> list[tuple[Any, Posterior]]:
-        pairs = zip(self.weights_, self.estimators_, strict=True)
-        return [(float(weight), one.inference_.second) for weight, one in pairs if weight > 0]
+        return [(weight, one.inference_.second) for weight, one in self._weighted()]
 
     def _parts(self) -> list[MixturePart]:
-        pairs = zip(self.weights_, self.estimators_, strict=True)
         return [
-            part._replace(weight=float(weight))
-            for weight, one in pairs
+            part._replace(weight=weight)
+            for weight, one in self._weighted()
             for part in one._parts()
-            if weight > 0
         ]
 
     def _draws(self) -> list[tuple[str, Any, Posterior, Diagnostics]]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from abc import abstractmethod
 from collections.abc import Mapping, Sequence
 from numbers import Real
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 import pandas as pd
@@ -18,10 +18,12 @@ from sklearn.utils.validation import check_consistent_length, check_is_fitted
 from hybridsurrogate.arguments import check_flag, check_number, check_units
 from hybridsurrogate.arviz_groups import arviz_of
 from hybridsurrogate.estimators.checked_estimator import CheckedEstimator
+from hybridsurrogate.estimators.emulation import emulated, take
 from hybridsurrogate.exceptions import did_you_mean
 from hybridsurrogate.inference.loo import PointwiseLoo
 from hybridsurrogate.model.posterior import Diagnostics, Posterior
 from hybridsurrogate.model.rows.measured_data import (
+    MeasuredData,
     check_weights,
     has_measurement,
     new_errors,
@@ -106,11 +108,58 @@ def _step(sampler: str, effective: float, khat: float) -> str:
 
 
 class SurrogateEstimator(RegressorMixin, CheckedEstimator):
-    """Base of the estimators; subclasses implement ``fit`` and ``_mixture``."""
+    """Base of the estimators; subclasses implement ``fit_data`` and ``_mixture``."""
 
     diagnostics_: Any
     posterior_: Any
     inference_: Any
+
+    def fit(
+        self,
+        X: ArrayLike,
+        y: ArrayLike,
+        sample_weight: ArrayLike | None = None,
+        y_err: Any = None,
+    ) -> Self:
+        """Fit to measured data.
+
+        Parameters
+        ----------
+        X : array-like of shape (n, n_columns)
+            The simulation's inputs by name (DataFrame) or first (array); further columns are for
+            causes that use them.
+        y : array-like of shape (n,), or (n, k) of several outputs
+            With NaN for what was not measured; columns of a DataFrame go by name.
+        sample_weight : array-like of shape (n,) or None, default=None
+            Powers of the likelihoods of single rows, relative to the measured data's: a row of
+            weight two counts like two equal rows.
+        y_err : float, str, array-like of the shape of y, or None, default=None
+            Known standard deviation of each measurement, in the units of y: its error bar. Of what
+            else is inferred: see ``noise``. A name: that column of a DataFrame X, of several
+            outputs a list of names. One number: that of every row. Under a log-normal likelihood
+            the standard deviation of log y is ``y_err / y``; under a Student-t one it is the scale
+            of the row.
+
+        Returns
+        -------
+        self
+        """
+        data = self.checked_data(X, y, sample_weight, y_err)
+        found = emulated(self, data)
+        return self.fit_data(data) if found is None else take(self, found)
+
+    def fit_data(self, data: MeasuredData) -> Self:
+        """Fit to data that `checked_data` returned.
+
+        Parameters
+        ----------
+        data : MeasuredData
+
+        Returns
+        -------
+        self
+        """
+        raise NotImplementedError(f"{type(self).__name__} is fitted by its estimators.")
 
     @abstractmethod
     def _mixture(self, X: FloatArray | None = None) -> list[tuple[Any, Posterior]]:

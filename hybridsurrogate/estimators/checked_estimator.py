@@ -15,7 +15,7 @@ from sklearn.base import BaseEstimator
 from sklearn.utils import check_scalar
 from sklearn.utils.validation import check_consistent_length, check_is_fitted, validate_data
 
-from hybridsurrogate.arguments import state_to_pickle
+from hybridsurrogate.arguments import check_choice, state_to_pickle
 from hybridsurrogate.effects.noise.known_errors import KINDS
 from hybridsurrogate.exceptions import did_you_mean
 from hybridsurrogate.inference.sampling.ensembles import EnsembleSampler
@@ -113,11 +113,7 @@ class CheckedEstimator(BaseEstimator):
                 f"sampler must be one of {SAMPLERS} or an EnsembleSampler, got {self.sampler!r}."
                 f"{did_you_mean(self.sampler, SAMPLERS)}"
             )
-        if not isinstance(self.noise, str) or self.noise not in KINDS:
-            raise ValueError(
-                f"noise must be one of {KINDS}, got {self.noise!r}."
-                f"{did_you_mean(self.noise, KINDS)}"
-            )
+        check_choice(self.noise, "noise", KINDS)
         if self.noise_prior is not None:
             check_prior(self.noise_prior, "noise_prior")
             if self.noise_prior.support()[1] <= 0:

@@ -17,7 +17,7 @@ import pandas as pd
 from joblib import effective_n_jobs, parallel_config
 from numpy.typing import NDArray
 
-from hybridsurrogate.estimators.base import SurrogateEstimator
+from hybridsurrogate.estimators.checked_estimator import CheckedEstimator
 from hybridsurrogate.exceptions import (
     EmulationWarning,
     FailedRunsWarning,
@@ -50,7 +50,7 @@ _CANDIDATES = 400
 # seconds of runs of which the user is warned before
 _LONG = 120.0
 
-E = TypeVar("E", bound=SurrogateEstimator)
+E = TypeVar("E", bound=CheckedEstimator)
 
 
 @dataclass(frozen=True)
@@ -219,7 +219,7 @@ def left_open(posterior: Posterior, X: FloatArray, weights: FloatArray) -> float
     return float(np.sqrt(np.mean(open_ * information)))
 
 
-def posterior_of_simulation(estimator: SurrogateEstimator) -> Posterior:
+def posterior_of_simulation(estimator: CheckedEstimator) -> Posterior:
     """Return the posterior based on the simulation, without effects drawn from priors alone."""
     fit: Any = estimator.inference_
     found: Posterior = (fit["simulation"] if isinstance(fit, dict) else fit).second
@@ -254,8 +254,7 @@ def _possible(runs: SimulationData, likelihood: Likelihood) -> SimulationData:
                 stacklevel=4,
             )
     assert runs.run is not None
-    given = runs.input_ranges, runs.parameters, runs.assumed, runs.outputs, runs.simulator
-    return SimulationData(runs.X[some], runs.omega[some], y[some], *given, runs.run[some])
+    return runs.with_data(runs.X[some], runs.omega[some], y[some], runs.run[some])
 
 
 def _with_further(
@@ -296,7 +295,7 @@ def _duration(seconds: float) -> str:
 
 
 def _further(
-    fitted: SurrogateEstimator, simulator: Simulator, n: int, random: np.random.RandomState
+    fitted: CheckedEstimator, simulator: Simulator, n: int, random: np.random.RandomState
 ) -> pd.DataFrame:
     """Return points at which draws of the posterior are furthest from all runs and each other."""
     posterior, X = posterior_of_simulation(fitted), fitted.data_.distinct.X

@@ -278,15 +278,8 @@ def _merged(runs: Sequence[Any]) -> SimulationData | None:
         )
         for name in first.input_names
     }
-    return SimulationData(
-        np.concatenate([r.X for r in runs]),
-        np.concatenate([r.omega for r in runs]),
-        np.concatenate([r.y for r in runs]),
-        inputs=ranges,
-        parameters=first.parameters,
-        assumed=first.assumed,
-        output=first.outputs,
-    )
+    X, omega, y = (np.concatenate([getattr(r, k) for r in runs]) for k in ("X", "omega", "y"))
+    return first.with_data(X, omega, y, inputs=ranges, simulator=None)
 
 
 def _check_alike(first: SimulationData, other: SimulationData) -> None:

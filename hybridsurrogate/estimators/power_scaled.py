@@ -18,7 +18,6 @@ from hybridsurrogate.effects.base import Cause, Context, check_arguments
 from hybridsurrogate.effects.output.processes import GaussianProcessDiscrepancy
 from hybridsurrogate.effects.wrapped import InOutput
 from hybridsurrogate.estimators.base import SurrogateEstimator
-from hybridsurrogate.estimators.emulation import emulated, take
 from hybridsurrogate.inference.loo import PointwiseLoo
 from hybridsurrogate.inference.procedure import Fit, fit_problem
 from hybridsurrogate.inference.sampling.ensembles import EnsembleSampler
@@ -154,40 +153,6 @@ class PowerScaledSurrogate(SurrogateEstimator):
         self.sampler = sampler
         self.n_draws = n_draws
         self.random_state = random_state
-
-    def fit(
-        self,
-        X: ArrayLike,
-        y: ArrayLike,
-        sample_weight: ArrayLike | None = None,
-        y_err: Any = None,
-    ) -> PowerScaledSurrogate:
-        """Fit to measured data.
-
-        Parameters
-        ----------
-        X : array-like of shape (n, n_columns)
-            The simulation's inputs by name (DataFrame) or first (array); further columns are for
-            causes that use them.
-        y : array-like of shape (n,), or (n, k) of several outputs
-            With NaN for what was not measured; columns of a DataFrame go by name.
-        sample_weight : array-like of shape (n,) or None, default=None
-            Powers of the likelihoods of single rows, relative to the measured data's: a row of
-            weight two counts like two equal rows.
-        y_err : float, str, array-like of the shape of y, or None, default=None
-            Known standard deviation of each measurement, in the units of y: its error bar. Of what
-            else is inferred: see ``noise``. A name: that column of a DataFrame X, of several
-            outputs a list of names. One number: that of every row. Under a log-normal likelihood
-            the standard deviation of log y is ``y_err / y``; under a Student-t one it is the scale
-            of the row.
-
-        Returns
-        -------
-        self
-        """
-        data = self.checked_data(X, y, sample_weight, y_err)
-        found = emulated(self, data)
-        return self.fit_data(data) if found is None else take(self, found)
 
     def fit_data(self, data: MeasuredData) -> PowerScaledSurrogate:
         """Fit to data that `checked_data` returned.

@@ -10,7 +10,6 @@ from numpy.typing import ArrayLike
 from sklearn.utils import check_random_state
 
 from hybridsurrogate.estimators.base import SurrogateEstimator
-from hybridsurrogate.estimators.emulation import emulated, take
 from hybridsurrogate.inference.loo import PointwiseLoo, stacking_weight
 from hybridsurrogate.inference.procedure import Fit, fit_problem
 from hybridsurrogate.inference.sampling.ensembles import EnsembleSampler
@@ -107,37 +106,6 @@ class PredictiveWeightedSurrogate(SurrogateEstimator):
         self.sampler = sampler
         self.n_draws = n_draws
         self.random_state = random_state
-
-    def fit(
-        self,
-        X: ArrayLike,
-        y: ArrayLike,
-        sample_weight: ArrayLike | None = None,
-        y_err: Any = None,
-    ) -> PredictiveWeightedSurrogate:
-        """Fit both surrogates to measured data.
-
-        Parameters
-        ----------
-        X : array-like of shape (n, n_columns)
-        y : array-like of shape (n,), or (n, k) of several outputs
-            With NaN for what was not measured; columns of a DataFrame go by name.
-        sample_weight : array-like of shape (n,) or None, default=None
-            A row of weight two counts like two equal rows.
-        y_err : float, str, array-like of the shape of y, or None, default=None
-            Known standard deviation of each measurement, in the units of y: its error bar. Of what
-            else is inferred: see ``noise``. A name: that column of a DataFrame X, of several
-            outputs a list of names. One number: that of every row. Under a log-normal likelihood
-            the standard deviation of log y is ``y_err / y``; under a Student-t one it is the scale
-            of the row.
-
-        Returns
-        -------
-        self
-        """
-        data = self.checked_data(X, y, sample_weight, y_err)
-        found = emulated(self, data)
-        return self.fit_data(data) if found is None else take(self, found)
 
     def fit_data(self, data: MeasuredData) -> PredictiveWeightedSurrogate:
         """Fit both surrogates to data that `checked_data` returned.

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from hybridsurrogate.arguments import check_choice
 from hybridsurrogate.exceptions import did_you_mean
 from hybridsurrogate.numerics import hilbert
 from hybridsurrogate.simulation.modification import Modification, Numbers
@@ -197,11 +198,7 @@ class TimeVaryingParameter(_OfParameter):
     center: float = 0.0
 
     def __post_init__(self) -> None:
-        if self.shape not in _SHAPES:
-            raise ValueError(
-                f"shape must be one of {list(_SHAPES)}, got {self.shape!r}."
-                f"{did_you_mean(self.shape, _SHAPES)}"
-            )
+        check_choice(self.shape, "shape", list(_SHAPES))
 
     @property
     def label(self) -> str:
@@ -265,11 +262,7 @@ class MissingTerm(_OfState):
     other: str | None = None
 
     def __post_init__(self) -> None:
-        if self.form not in FORMS:
-            raise ValueError(
-                f"form must be one of {list(FORMS)}, got {self.form!r}."
-                f"{did_you_mean(self.form, FORMS)}"
-            )
+        check_choice(self.form, "form", FORMS)
         if (self.form == "product") != (self.other is not None):
             raise ValueError(
                 "A product needs the name of the other state, other forms have none: got "

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import inspect
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -12,7 +11,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from hybridsurrogate.exceptions import did_you_mean
 from hybridsurrogate.numerics.linear_algebra import LARGE_BLOCK
 from hybridsurrogate.ode.integration import (
     adaptive,
@@ -23,37 +21,10 @@ from hybridsurrogate.ode.integration import (
     together,
 )
 from hybridsurrogate.ode.rosenbrock import rosenbrock
+from hybridsurrogate.simulation.calls import WrongShapeError
 from hybridsurrogate.simulation.modification import Active, Drive, Modification, drive_of, lags
 from hybridsurrogate.simulation.outputs import by_output
 from hybridsurrogate.types import FloatArray
-
-
-class WrongShapeError(ValueError):
-    """A function of the user's that returns an array of the wrong shape, whatever the row."""
-
-
-def accepted_names(
-    function: Any, title: str, n_positional: int, names: tuple[str, ...]
-) -> tuple[str, ...]:
-    """Return those of the names that a function takes; what is no function takes none."""
-    if not callable(function):
-        return ()
-    try:
-        arguments = list(inspect.signature(function).parameters.values())
-    except ValueError:  # some compiled functions have no signature
-        return names
-    named = [
-        a for a in arguments[n_positional:] if a.kind in (a.POSITIONAL_OR_KEYWORD, a.KEYWORD_ONLY)
-    ]
-    unknown = [a.name for a in named if a.default is a.empty and a.name not in names]
-    if unknown:
-        raise TypeError(
-            f"{title} needs {', '.join(unknown)}, which is no input, parameter or assumed "
-            f"constant; these are {', '.join(names) or 'none'}.{did_you_mean(unknown, names)}"
-        )
-    if any(a.kind == a.VAR_KEYWORD for a in arguments):
-        return names
-    return tuple(name for name in names if name in {a.name for a in named})
 
 
 def checked_array(values: Any, title: str, shape: tuple[int, ...], meaning: str) -> FloatArray:
@@ -75,8 +46,7 @@ def checked_array(values: Any, title: str, shape: tuple[int, ...], meaning: str)
 StateColumns = Mapping[str, FloatArray]
 # calls of a right-hand side that a step takes by methods of scipy
 _CALLS_A_STEP = 100
-# sets of solutions that go on together, and are kept
-_GROUPS, _NO_DRIVE = 64, Drive({}, {})
+_NO_DRIVE = Drive({}, {})
 # times at which a right-hand side is asked whether it takes several
 _TIMES_TRIED = 9
 
@@ -447,18 +417,11 @@ class _Solutions:
     def _rosenbrock(self, times: FloatArray, member: NDArray[np.intp]) -> FloatArray:
         ode = self.ode
         sizes = np.array([*ode.sizes, *(ode.sizes[row] for _, _, row in self._coupled)])
-        groups: dict[bytes, _Solutions] = {}
         together = not self.active and self._takes_times()
 
         def slope(t: FloatArray, state: FloatArray, which: NDArray[np.intp]) -> FloatArray:
-            if together:
-                return self.some(which).slope(t, state, _NO_DRIVE)
-            key = which.tobytes()
-            if key not in groups:
-                if len(groups) >= _GROUPS:
-                    groups.clear()
-                groups[key] = self.some(which)
-            return groups[key].slope(float(t[0]), state, None if self.active else _NO_DRIVE)
+            time = t if together else float(t[0])
+            return self.some(which).slope(time, state, None if self.active else _NO_DRIVE)
 
         start = self.initial()
         states, stopped = rosenbrock(

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -187,7 +186,7 @@ def adaptive(
     size, origin = 1 + np.abs(state), np.zeros(len(state))
     while True:
         found = solve_ivp(
-            partial(_from_origin, slope, origin),
+            lambda t, state, origin=origin: slope(t, state + origin),
             span,
             state - origin,
             dense_output=True,
@@ -210,15 +209,6 @@ def adaptive(
         origin = np.where(far, state, origin)
     out[:, later] = found.sol(times[later]) + origin[:, None]
     return out
-
-
-def _from_origin(
-    slope: Callable[[float, FloatArray], FloatArray],
-    origin: FloatArray,
-    t: float,
-    state: FloatArray,
-) -> FloatArray:
-    return slope(t, state + origin)
 
 
 def extent(states: FloatArray) -> FloatArray:

@@ -20,9 +20,10 @@ from hybridsurrogate.arguments import (
     check_number,
     described,
 )
-from hybridsurrogate.ode.function import OdeFunction, accepted_names
+from hybridsurrogate.ode.function import OdeFunction
 from hybridsurrogate.ode.steps import chosen, sized, warn_if_too_long, with_step
 from hybridsurrogate.simulation.arrays import as_numbers, as_table
+from hybridsurrogate.simulation.calls import accepted_names
 from hybridsurrogate.simulation.evaluation import Running, evaluate
 from hybridsurrogate.simulation.modification import Modification
 from hybridsurrogate.simulation.outputs import OUTPUT, by_output, output_names
@@ -167,9 +168,9 @@ class OdeSimulator(Simulator):
         changing = _numbers(modifications)
         names = (*others, *unknown["parameters"], *unknown["assumed"])
         names = tuple(name for name in names if name not in changing)
-        rates = accepted_names(rhs, "rhs", 2, names)
-        first = accepted_names(initial_state, "initial_state", 0, names)
-        seen = accepted_names(observe, "observe", 1, names)
+        rates = accepted_names(rhs, "rhs", names, 2)
+        first = accepted_names(initial_state, "initial_state", names)
+        seen = accepted_names(observe, "observe", names, 1)
         for change in modifications:
             change.check(rates, states)
             if change.looks_back and method != "rk4":

@@ -114,6 +114,7 @@ def _of_some(
     return predicted, removed
 
 
+Powers = tuple[float, float | FloatArray]  # of the likelihoods of both sources
 # draws of coefficients that a score is made from: all their numbers' squares, at least, at most
 _SQUARED, _LEAST, _MOST = 4e5, 200, 2000
 # draws of step 2 for each of them
@@ -238,152 +239,157 @@ def loo_of_fit(
         axis=0,
         return_inverse=True,
     )
+    leaving = _LeavingOut(fit, sampler, random_state)
     with one_blas_thread():
-        found = _loo_of_distinct(
-            fit, asked[:, 0].astype(int), asked[:, 1], sampler, random_state, progress
-        )
+        found = leaving.each(asked[:, 0].astype(int), asked[:, 1], progress)
     out.log_density[inside] = found.log_density[which.ravel()]
     out.khat[inside] = found.khat[which.ravel()]
     out.failed[inside] = found.failed[which.ravel()]
     return out
 
 
-def _loo_of_distinct(
-    fit: Fit,
-    index: NDArray[np.intp],
-    less: FloatArray,
-    sampler: str | EnsembleSampler,
-    random_state: np.random.RandomState,
-    progress: bool,
-) -> PointwiseLoo:
-    """Return the densities of rows of a problem, by position, with so much less weight each."""
-    problem = fit.problem
-    X, y = problem.X[index], problem.observed[index]
-    power = np.broadcast_to(fit.powers[1], problem.y.shape)[index]
-    if fit.second is fit.first:  # there was no step 2
+@dataclass(frozen=True)
+class _LeavingOut:
+    """Rows of a fit left out, one at a time."""
+
+    fit: Fit
+    sampler: str | EnsembleSampler
+    random_state: np.random.RandomState
+
+    @property
+    def problem(self) -> Problem:
+        return self.fit.problem
+
+    def each(self, index: NDArray[np.intp], less: FloatArray, progress: bool) -> PointwiseLoo:
+        """Return the densities of rows of the problem, by position, with so much less weight."""
+        problem, fit = self.problem, self.fit
+        X, y = problem.X[index], problem.observed[index]
+        power = np.broadcast_to(fit.powers[1], problem.y.shape)[index]
         first = _log_likelihood(fit.first, X, y)
-        found = pointwise_loo(first, less, first[:, None], np.zeros(len(y)))
-    else:
-        first = _log_likelihood(fit.first, X, y)
-        some = _spread(len(first), _most_draws(problem, fit))
-        starts = _repeats(problem, fit, some, random_state)
-        of_first = fit.first.take(starts.draw), fit.unknowns[starts.draw]
-        again = _at(*of_first, starts.u, starts.columns)
-        second, removed = _given_others(problem, again, index, less)
-        shape = len(some), _REPEATS, len(y)
-        found = pointwise_loo(
-            first, power * less, second.reshape(shape), less, removed.reshape(shape), some
-        )
-    for i in counted(np.flatnonzero(found.failed), "Fits without one row", progress):
-        without, powers = _without(problem, fit.powers, index[i], less[i])
-        if fit.again is None:
-            again = _fit_without(
-                without, powers, fit, min(fit.first.n_draws, 2 * _REFITTED), sampler, random_state
-            )
+        if fit.second is fit.first:  # there was no step 2
+            found = pointwise_loo(first, less, first[:, None], np.zeros(len(y)))
         else:
-            log_weight = -power[i] * less[i] * first[:, i]
-            kept = -removed[:, i].reshape(len(some), -1)
-            step = _step_without(
-                without, powers, fit, starts, some, log_weight, kept, sampler, random_state
+            n_coefficients = fit.first.coefficients.shape[1] + len(problem.model.column_sd)
+            most = np.clip(_SQUARED / max(n_coefficients, 1) ** 2, _LEAST, _MOST)
+            some = np.linspace(0, len(first) - 1, min(int(most), len(first))).astype(int)
+            starts = self._repeats(some)
+            of_first = fit.first.take(starts.draw), fit.unknowns[starts.draw]
+            again = _at(*of_first, starts.u, starts.columns)
+            second, removed = _given_others(problem, again, index, less)
+            shape = len(some), _REPEATS, len(y)
+            found = pointwise_loo(
+                first, power * less, second.reshape(shape), less, removed.reshape(shape), some
             )
-            known = _held_out(problem, without, step, index[i], less[i], random_state)
-            if known is not None:
-                found.log_density[i] = known
-                continue
-            again = _moved(without, step, random_state)
-        density = _given_others(problem, again, index[i : i + 1], less[i : i + 1])[0]
-        found.log_density[i] = special.logsumexp(density) - np.log(len(density))
-    return found
+        for i in counted(np.flatnonzero(found.failed), "Fits without one row", progress):
+            without, powers = _without(problem, fit.powers, index[i], less[i])
+            if fit.again is None:
+                again = self._fit_without(without, powers)
+            else:
+                log_weight = -power[i] * less[i] * first[:, i]
+                kept = -removed[:, i].reshape(len(some), -1)
+                step = self._step_without(without, powers, starts, some, log_weight, kept)
+                known = self._held_out(without, step, index[i], less[i])
+                if known is not None:
+                    found.log_density[i] = known
+                    continue
+                again = self._moved(without, step)
+            density = _given_others(problem, again, index[i : i + 1], less[i : i + 1])[0]
+            found.log_density[i] = special.logsumexp(density) - np.log(len(density))
+        return found
 
+    def _repeats(self, some: NDArray[np.intp]) -> _Starts:
+        """Return `_REPEATS` draws of step 2 for some draws of the coefficients, in turn.
 
-def _integrates(problem: Problem) -> bool:
-    """Return whether the coefficients of causes are integrated out of a row's density."""
-    return problem.collapses and len(problem.model.column_sd) > 0
+        Draws that belong to other coefficients serve where their posteriors overlap, and are moved
+        where they do not.
+        """
+        fit, problem, random = self.fit, self.problem, self.random_state
+        starts = _Starts.of_fit(fit, np.repeat(some, _REPEATS))
+        c = fit.first.coefficients
+        if problem.collapses:
+            own = _Starts.of_fit(fit, some)
+            chosen = exchanged(given_draws(problem, c[some]), own.u, _REPEATS, random)
+            if chosen is not None:
+                return starts._replace(u=own.u[chosen.ravel()])
+        u = with_again(fit.unknowns[starts.draw], starts.u)
+        drawn = moved_again(problem, u, c[starts.draw], starts.columns, random, FROM_DRAWS)
+        return _Starts(starts.draw, _unknowns_of(drawn), drawn.coefficients)
 
+    def _step_without(
+        self,
+        without: Problem,
+        powers: Powers,
+        starts: _Starts,
+        some: NDArray[np.intp],
+        log_weight: FloatArray,
+        kept: FloatArray,
+    ) -> _Step:
+        """Return draws of step 1 given all rows but one, from those of a fit with it.
 
-def _most_draws(problem: Problem, fit: Fit) -> int:
-    n_coefficients = max(fit.first.coefficients.shape[1] + len(problem.model.column_sd), 1)
-    return int(np.clip(_SQUARED / n_coefficients**2, _LEAST, _MOST))
+        Parameters
+        ----------
+        some : ndarray of int of shape (T,)
+            Draws of step 1 that have repeats.
+        log_weight : ndarray of shape (S,)
+            Of draws of step 1 as if their row were not there.
+        kept : ndarray of shape (T, M)
+            The same of the repeats, given their draw of step 1.
+        """
+        fit, random = self.fit, self.random_state
+        n = min(fit.first.n_draws, _REFITTED)
+        smoothed, khat = pareto_smooth(log_weight) if np.ptp(log_weight) else (0 * log_weight, 0.0)
+        of_first = smoothed[some][:, None] - special.logsumexp(kept, axis=1, keepdims=True)
+        share = special.softmax((kept + of_first).ravel())
+        begun = starts.take(_evenly(share, n, random))
+        equal = np.full(len(share), 1 / len(share))
+        near = near_draws(starts.u, share), near_draws(starts.u, equal)
+        if khat <= khat_limit(len(log_weight)):
+            return _Step(fit.first.take(begun.draw), fit.unknowns[begun.draw], begun, near)
+        step = carried_step(without, powers, fit.proposals, n, _PROPOSALS, random)
+        if step is None:
+            target = make_target(without, *powers_used(without, powers))
+            step = first_step(target, self.sampler, n, random)
+        return _Step(posterior_of(without, step), step.u, begun, near)
+
+    def _held_out(self, without: Problem, step: _Step, i: np.intp, less: float) -> float | None:
+        """Return the log density of row i given the others, None where proposals do not serve."""
+        problem = self.problem
+        if not problem.collapses:
+            return None
+        c = step.first.coefficients
+        # the others, and a measurement of weight one
+        more = _without(problem, (0.0, 1.0), i, less - 1)[0]
+        draws = given_draws(without, c), given_draws(more, c)
+        found = held_out(*draws, step.near, self.random_state)
+        if found is None:
+            return None
+        constant = problem.likelihood.log_density(problem.observed[i], problem.y[i], np.ones(()))
+        return float(special.logsumexp(found) - np.log(len(found)) + constant)
+
+    def _moved(self, without: Problem, step: _Step) -> Posterior:
+        """Return draws of step 2 given all rows but one, by moves."""
+        u, c = with_again(step.unknowns, step.begun.u), step.first.coefficients
+        drawn = moved_again(without, u, c, step.begun.columns, self.random_state, FROM_NEAR)
+        return _at(step.first, step.unknowns, _unknowns_of(drawn), drawn.coefficients)
+
+    def _fit_without(self, without: Problem, powers: Powers) -> Posterior:
+        """Return draws given all rows but one, from those given all of them where these serve."""
+        n, random = min(self.fit.first.n_draws, 2 * _REFITTED), self.random_state
+        known = carried(without, powers, self.fit.proposals, n, _PROPOSALS, random)
+        if known is None:
+            known = fit_problem(without, powers, self.sampler, n, random)
+        return known.second
 
 
 def _given_others(
     problem: Problem, posterior: Posterior, index: NDArray[np.intp], less: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """Return log densities (S, m) of rows, and what leaving them out takes from those of draws."""
-    if _integrates(problem):
+    # the coefficients of causes are integrated out where they are Gaussian
+    if problem.collapses and len(problem.model.column_sd):
         return without_each(problem, posterior, index, less)
     density = _log_likelihood(posterior, problem.X[index], problem.observed[index])
     return density, less * density
-
-
-def _spread(n: int, most: int) -> NDArray[np.intp]:
-    """Return the positions of at most so many of n draws."""
-    return np.linspace(0, n - 1, min(most, n)).astype(int)
-
-
-def _step_without(
-    without: Problem,
-    powers: tuple[float, float | FloatArray],
-    fit: Fit,
-    starts: _Starts,
-    some: NDArray[np.intp],
-    log_weight: FloatArray,
-    kept: FloatArray,
-    sampler: str | EnsembleSampler,
-    random_state: np.random.RandomState,
-) -> _Step:
-    """Return draws of step 1 given all rows but one, from those of a fit with it.
-
-    Parameters
-    ----------
-    some : ndarray of int of shape (T,)
-        Draws of step 1 that have repeats.
-    log_weight : ndarray of shape (S,)
-        Of draws of step 1 as if their row were not there.
-    kept : ndarray of shape (T, M)
-        The same of the repeats, given their draw of step 1.
-    """
-    n = min(fit.first.n_draws, _REFITTED)
-    smoothed, khat = pareto_smooth(log_weight) if np.ptp(log_weight) else (0 * log_weight, 0.0)
-    of_first = smoothed[some][:, None] - special.logsumexp(kept, axis=1, keepdims=True)
-    share = special.softmax((kept + of_first).ravel())
-    begun = starts.take(_evenly(share, n, random_state))
-    near = near_draws(starts.u, share), near_draws(starts.u, np.full(len(share), 1 / len(share)))
-    if khat <= khat_limit(len(log_weight)):
-        return _Step(fit.first.take(begun.draw), fit.unknowns[begun.draw], begun, near)
-    step = carried_step(without, powers, fit.proposals, n, _PROPOSALS, random_state)
-    if step is None:
-        target = make_target(without, *powers_used(without, powers))
-        step = first_step(target, sampler, n, random_state)
-    return _Step(posterior_of(without, step), step.u, begun, near)
-
-
-def _held_out(
-    problem: Problem,
-    without: Problem,
-    step: _Step,
-    i: np.intp,
-    less: float,
-    random_state: np.random.RandomState,
-) -> float | None:
-    """Return the log density of row i given the others, None where proposals do not serve."""
-    if not problem.collapses:
-        return None
-    c = step.first.coefficients
-    # the others, and a measurement of weight one
-    more = _without(problem, (0.0, 1.0), i, less - 1)[0]
-    found = held_out(given_draws(without, c), given_draws(more, c), step.near, random_state)
-    if found is None:
-        return None
-    constant = problem.likelihood.log_density(problem.observed[i], problem.y[i], np.ones(()))
-    return float(special.logsumexp(found) - np.log(len(found)) + constant)
-
-
-def _moved(without: Problem, step: _Step, random_state: np.random.RandomState) -> Posterior:
-    """Return draws of step 2 given all rows but one, by moves."""
-    u, c = with_again(step.unknowns, step.begun.u), step.first.coefficients
-    drawn = moved_again(without, u, c, step.begun.columns, random_state, FROM_NEAR)
-    return _at(step.first, step.unknowns, _unknowns_of(drawn), drawn.coefficients)
 
 
 def _evenly(share: FloatArray, n: int, random_state: np.random.RandomState) -> NDArray[np.intp]:
@@ -393,59 +399,17 @@ def _evenly(share: FloatArray, n: int, random_state: np.random.RandomState) -> N
     return np.minimum(np.searchsorted(cumulative, even * cumulative[-1]), len(share) - 1)
 
 
-def _fit_without(
-    without: Problem,
-    powers: tuple[float, float | FloatArray],
-    fit: Fit,
-    n: int,
-    sampler: str | EnsembleSampler,
-    random_state: np.random.RandomState,
-) -> Posterior:
-    """Return draws given all rows but one, from those given all of them where these serve."""
-    known = carried(without, powers, fit.proposals, n, _PROPOSALS, random_state)
-    if known is None:
-        known = fit_problem(without, powers, sampler, n, random_state)
-    return known.second
-
-
-def _without(
-    problem: Problem, powers: tuple[float, float | FloatArray], i: np.intp, less: float
-) -> tuple[Problem, tuple[float, float | FloatArray]]:
+def _without(problem: Problem, powers: Powers, i: np.intp, less: float) -> tuple[Problem, Powers]:
     """Return a problem, and its powers, whose row i has less weight, or is gone."""
     weights = problem.weights.copy()
     weights[i] -= less
     # what rounding leaves of a whole row is nothing
     rest = weights > 1e-9 * problem.weights
-    without = replace(
-        problem,
-        X=problem.X[rest],
-        y=problem.y[rest],
-        observed=problem.observed[rest],
-        weights=weights[rest],
-    )
+    rows = {name: getattr(problem, name)[rest] for name in ("X", "y", "observed")}
+    without = replace(problem, weights=weights[rest], **rows)
     if isinstance(powers[1], float | int):
         return without, powers
     return without, (powers[0], powers[1][rest])
-
-
-def _repeats(
-    problem: Problem, fit: Fit, some: NDArray[np.intp], random_state: np.random.RandomState
-) -> _Starts:
-    """Return `_REPEATS` draws of step 2 for some draws of the coefficients, in turn.
-
-    Draws that belong to other coefficients serve where their posteriors overlap, and are moved
-    where they do not.
-    """
-    starts = _Starts.of_fit(fit, np.repeat(some, _REPEATS))
-    c = fit.first.coefficients
-    if problem.collapses:
-        own = _Starts.of_fit(fit, some)
-        chosen = exchanged(given_draws(problem, c[some]), own.u, _REPEATS, random_state)
-        if chosen is not None:
-            return starts._replace(u=own.u[chosen.ravel()])
-    u = with_again(fit.unknowns[starts.draw], starts.u)
-    drawn = moved_again(problem, u, c[starts.draw], starts.columns, random_state, FROM_DRAWS)
-    return _Starts(starts.draw, _unknowns_of(drawn), drawn.coefficients)
 
 
 def _unknowns_of(drawn: MeasuredDraws) -> FloatArray:

@@ -25,12 +25,6 @@ WEEKDAY, WEEKEND, MONTH = "weekday of ", "weekend of ", "month of "
 _SATURDAY = 6
 
 
-def dates_of(table: pd.DataFrame) -> list[str]:
-    """Return the columns that hold dates."""
-    kinds = table.dtypes.items()
-    return [str(name) for name, kind in kinds if pd.api.types.is_datetime64_any_dtype(kind)]
-
-
 def with_calendar(table: pd.DataFrame, dates: list[str]) -> pd.DataFrame:
     """Return a table with weekday, weekend and month in place of columns of dates, at its end.
 
@@ -59,8 +53,6 @@ def is_of_calendar(name: str) -> bool:
     """Return whether a column, by its name, holds weekdays or months: labels, not an axis."""
     return name.startswith((WEEKDAY, MONTH))
 
-
-# others take it from here
 
 # doubles end at 1e308, and sums of squares are formed of everything
 _LARGEST = 1e150
@@ -113,9 +105,10 @@ def complete_table(values: Any, word: str = "X", labels: str | None = None) -> A
     if not isinstance(table, pd.DataFrame):
         return table
     others = table[[name for name in table.columns if name != labels or labels is None]]
-    dates = dates_of(others)
+    kinds = others.dtypes.items()
+    dates = [str(name) for name, kind in kinds if pd.api.types.is_datetime64_any_dtype(kind)]
     check_columns(others.drop(columns=dates))
-    check_complete(table)
+    _check_complete(table)
     return with_calendar(table, dates) if dates else table
 
 
@@ -210,7 +203,7 @@ def check_columns(frame: pd.DataFrame) -> None:
         )
 
 
-def check_complete(frame: pd.DataFrame) -> None:
+def _check_complete(frame: pd.DataFrame) -> None:
     """Raise ValueError that names the first column of a DataFrame in which values are missing."""
     for name, column in frame.items():
         missing = np.flatnonzero(column.isna())

@@ -9,13 +9,13 @@ import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
-from functools import partial
 from pickle import PicklingError
 from typing import Any, NamedTuple
 
 import numpy as np
 from joblib import Parallel, delayed, effective_n_jobs
 
+from hybridsurrogate.exceptions import did_you_mean
 from hybridsurrogate.notebook import counted
 from hybridsurrogate.types import FloatArray
 
@@ -77,6 +77,38 @@ class Function:
         )
 
 
+class WrongShapeError(ValueError):
+    """A function of the user's that returns an array of the wrong shape, whatever the row."""
+
+
+def accepted_names(
+    function: Any, title: str, names: Sequence[str], n_positional: int = 0
+) -> tuple[str, ...]:
+    """Return those of the names that a function takes as arguments, after the positional ones.
+
+    What is no function takes none; TypeError for one that needs something else.
+    """
+    if not callable(function):
+        return ()
+    try:
+        arguments = list(inspect.signature(function).parameters.values())
+    except ValueError:  # some compiled functions have no signature
+        return tuple(names)
+    named = [
+        a for a in arguments[n_positional:] if a.kind in (a.POSITIONAL_OR_KEYWORD, a.KEYWORD_ONLY)
+    ]
+    absent = [a.name for a in named if a.default is a.empty and a.name not in names]
+    if absent:
+        raise TypeError(
+            f"{title} needs {', '.join(absent)}, which is no input, parameter or assumed constant "
+            f"({', '.join(names) or 'none'}): name it as one, or give it a default."
+            f"{did_you_mean(absent, names)}"
+        )
+    if any(a.kind == a.VAR_KEYWORD for a in arguments):
+        return tuple(names)
+    return tuple(name for name in names if name in {a.name for a in named})
+
+
 class TakesNumbersError(Exception):
     """A function that works with numbers and not with arrays; ``args[0]`` is what it said."""
 
@@ -96,21 +128,16 @@ def all_at_once(function: Function, points: FloatArray) -> tuple[FloatArray, str
     """
     try:
         return _outputs(function, points), None
-    except _ShapeError as wrong:
+    except WrongShapeError as wrong:
         _check_for_numbers(function, points, str(wrong))
-        raise ValueError(str(wrong)) from None
+        raise
     except Exception as caught:
         if not len(points):
             raise
-        works = _works(function, np.array([function.typical()] * 2))
-        if not works:
+        if not _works(_outputs, function, np.array([function.typical()] * 2)):
             _check_for_numbers(function, points, in_words(caught))
             raise
         return _kept(function, points, in_words(caught))
-
-
-class _ShapeError(ValueError):
-    """An array of the wrong shape."""
 
 
 def _outputs(function: Function, points: FloatArray) -> FloatArray:
@@ -120,7 +147,7 @@ def _outputs(function: Function, points: FloatArray) -> FloatArray:
         y = function.read(value)
         function.check_shape(y.shape, (len(points), *function.several))
     except ValueError as error:
-        raise _ShapeError(str(error)) from error
+        raise WrongShapeError(str(error)) from error
     return y
 
 
@@ -133,8 +160,8 @@ def _kept(function: Function, points: FloatArray, error: str) -> tuple[FloatArra
             try:
                 y[low:high] = _outputs(function, points[low:high])
                 continue
-            except _ShapeError as wrong:
-                raise ValueError(str(wrong)) from None
+            except WrongShapeError:
+                raise
             except Exception:
                 # a simulation may fail in any way, and takes its neighbours with it
                 if high - low == 1:
@@ -150,7 +177,7 @@ def _check_for_numbers(function: Function, points: FloatArray, said: str) -> Non
     """Raise TakesNumbersError where arrays of two rows fail and one row of numbers does not."""
     for point in (np.array(function.typical()), *points[:1]):
         twice = np.array([point, point])
-        if _quietly(partial(_of_numbers, function, point)) and not _works(function, twice):
+        if _works(_of_numbers, function, point) and not _works(_outputs, function, twice):
             raise TakesNumbersError(said)
 
 
@@ -159,13 +186,9 @@ def _of_numbers(function: Function, point: FloatArray) -> FloatArray:
     return function.of_run(value, point[:1])
 
 
-def _works(function: Function, points: FloatArray) -> bool:
-    return _quietly(partial(_outputs, function, points))
-
-
-def _quietly(call: Callable[[], Any]) -> bool:
+def _works(call: Callable[..., Any], *arguments: Any) -> bool:
     try:
-        call()
+        call(*arguments)
     except Exception:
         return False
     return True
@@ -209,25 +232,10 @@ def called(
         outcomes = iter(_call(function, own, which, timeout) for own, which in calls)
     else:
         tasks = [delayed(_call)(function, own, which, timeout) for own, which in calls]
-        outcomes = _sent(_outcomes(tasks, n_jobs), function, n_jobs)
+        outcomes = _outcomes(tasks, function, n_jobs)
     if progress is not None:
         outcomes = iter(counted(outcomes, progress, True, len(calls)))
     yield from outcomes
-
-
-def _sent(
-    outcomes: Iterator[Outcome], function: Callable[..., Any], n_jobs: int | None
-) -> Iterator[Outcome]:
-    """Yield outcomes; raise PicklingError where other processes cannot be given the function."""
-    try:
-        yield from outcomes
-    except PicklingError as error:
-        name = getattr(function, "__name__", type(function).__name__)
-        raise PicklingError(
-            f"n_jobs={n_jobs} sends the function {name!r} to other processes, and it cannot be "
-            "pickled. Write it as `def name(...)` at the top of a module, without open files, "
-            "locks or generators around it, and pass that; or use n_jobs=None."
-        ) from error
 
 
 def in_words(error: Exception) -> str:
@@ -235,13 +243,24 @@ def in_words(error: Exception) -> str:
     return " ".join(f"{type(error).__name__}: {error}".split())
 
 
-def _outcomes(tasks: Iterable[Any], n_jobs: int | None) -> Iterator[Outcome]:
+def _outcomes(
+    tasks: Iterable[Any], function: Callable[..., Any], n_jobs: int | None
+) -> Iterator[Outcome]:
+    """Yield outcomes; raise PicklingError where other processes cannot be given the function."""
     try:
         # what is finished comes at once, not after those before it
         parallel = Parallel(n_jobs=n_jobs, return_as="generator_unordered")
     except ValueError:  # a backend that gives all at the end, such as "multiprocessing"
         parallel = Parallel(n_jobs=n_jobs)
-    yield from parallel(tasks)
+    try:
+        yield from parallel(tasks)
+    except PicklingError as error:
+        name = getattr(function, "__name__", type(function).__name__)
+        raise PicklingError(
+            f"n_jobs={n_jobs} sends the function {name!r} to other processes, and it cannot be "
+            "pickled. Write it as `def name(...)` at the top of a module, without open files, "
+            "locks or generators around it, and pass that; or use n_jobs=None."
+        ) from error
 
 
 def _call(
@@ -307,7 +326,7 @@ def row_by_row(
     m : int
         Rows that were called.
     """
-    call = by_position(function.call, function.names)
+    call = _by_position(function.call, function.names)
     y = np.full((len(points), *function.several), np.nan)
     # a list takes a number in a third of the time of an array
     found = [np.nan] * len(points)
@@ -318,14 +337,7 @@ def row_by_row(
             n = row
             break
         try:
-            value = call(*own)
-            if type(value) is complex:
-                value = call(*points[row])
-        except _OF_PLAIN_NUMBERS:
-            value, failure = _with_numpy(call, points[row])
-            if failure is not None:
-                error = error or failure
-                continue
+            value = _value(call, own, points[row])
         except Exception as caught:
             # a simulation may fail in any way: the run is dropped, and the message is shown
             error = error or in_words(caught)
@@ -339,7 +351,7 @@ def row_by_row(
     return y[:n] if function.several else np.array(found[:n], dtype=float), error, n
 
 
-def by_position(function: Callable[..., Any], names: Sequence[str]) -> Callable[..., Any]:
+def _by_position(function: Callable[..., Any], names: Sequence[str]) -> Callable[..., Any]:
     """Return a function of arguments in the order of names."""
     kind = inspect.Parameter.POSITIONAL_OR_KEYWORD
     try:
@@ -351,9 +363,10 @@ def by_position(function: Callable[..., Any], names: Sequence[str]) -> Callable[
     return lambda *values: function(**dict(zip(names, values, strict=True)))
 
 
-def _with_numpy(call: Callable[..., Any], point: FloatArray) -> tuple[Any, str | None]:
-    """Return the value of a row for numpy's numbers, or the error where they fail alike."""
+def _value(call: Callable[..., Any], own: tuple[float, ...], point: FloatArray) -> Any:
+    """Return the value of a row for Python's numbers, or for numpy's where these fail."""
     try:
-        return call(*point), None
-    except Exception as caught:
-        return None, in_words(caught)
+        value = call(*own)
+    except _OF_PLAIN_NUMBERS:
+        return call(*point)
+    return call(*point) if type(value) is complex else value

@@ -8,6 +8,7 @@ import shutil
 import subprocess
 import tempfile
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from numbers import Real
 from pathlib import Path
 from string import Formatter
@@ -109,6 +110,7 @@ class CommandSimulator(Simulator):
         super().__init__(program, ranges, parameters, assumed, output, False, returns)
 
 
+@dataclass(frozen=True)
 class Command:
     """A program as a function of keyword arguments.
 
@@ -123,18 +125,16 @@ class Command:
     timeout : float or None
     """
 
-    def __init__(
-        self,
-        words: tuple[str, ...],
-        files: dict[str, str],
-        read: str | Callable[[Path, str], Any] | None,
-        outputs: tuple[str, ...],
-        along: str | None,
-        timeout: float | None,
-    ) -> None:
-        self.words, self.files, self.read = words, files, read
-        self.outputs, self.along, self.timeout = outputs, along, timeout
-        self.__name__ = Path(words[0]).name
+    words: tuple[str, ...]
+    files: dict[str, str]
+    read: str | Callable[[Path, str], Any] | None
+    outputs: tuple[str, ...]
+    along: str | None
+    timeout: float | None
+
+    @property
+    def __name__(self) -> str:
+        return Path(self.words[0]).name
 
     def check(self, names: Sequence[str]) -> None:
         """Raise ValueError where a template uses an unknown name, or a name is in no template."""

@@ -118,13 +118,13 @@ def long_table(table: pd.DataFrame, inputs: Iterable[str], outputs: Sequence[str
     if along is None:
         return table
     places = _places(table, along, outputs[0])
-    rest = table[[label for label in table.columns if label not in places]]
-    if RUN not in rest.columns:
-        rest = rest.assign(**{RUN: np.arange(len(table))})
-    long = rest.iloc[np.repeat(np.arange(len(table)), len(places))].reset_index(drop=True)
-    long[along] = np.tile(np.array(list(places.values())), len(table))
-    long[outputs[0]] = table[list(places)].to_numpy().ravel()
-    return long
+    table = table.reset_index(drop=True)
+    if RUN not in table.columns:
+        table = table.assign(**{RUN: table.index})
+    rest = [label for label in table.columns if label not in places]
+    long = table.melt(rest, list(places), along, outputs[0], ignore_index=False)
+    long[along] = long[along].map(places)
+    return long.sort_index(kind="stable", ignore_index=True)
 
 
 def _places(table: pd.DataFrame, along: str, output: str) -> dict[Any, Any]:
@@ -178,20 +178,14 @@ def check_curves(
     table: pd.DataFrame, name: str, names: Sequence[str], outputs: Sequence[str]
 ) -> None:
     """Raise ValueError for a run with two values of a parameter, or with two results."""
-    values = table[list(names)].to_numpy(dtype=float)
-    first = np.unique(table[RUN], return_index=True, return_inverse=True)
-    differ = np.flatnonzero(np.any(values != values[first[1]][first[2].ravel()], axis=1))
-    if len(differ):
-        at = int(differ[0])
-        which = [
-            k
-            for k, v in zip(names, values[at], strict=True)
-            if v != table[k][first[1]].iloc[first[2].ravel()[at]]
-        ]
-        raise ValueError(
-            f"Run {table[RUN].iloc[at]} has several values of {which[0]!r}: what changes along a "
-            "run is an input, and there may be one, along which the run is a curve."
-        )
+    of_runs = table.groupby(RUN)
+    for constant in names:
+        several = of_runs[constant].max() > of_runs[constant].min()
+        if several.any():
+            raise ValueError(
+                f"Run {several.idxmax()} has several values of {constant!r}: what changes along "
+                "a run is an input, and there may be one, along which the run is a curve."
+            )
     for output in outputs:
         _check_repeats(table, [*names, name], output)
 

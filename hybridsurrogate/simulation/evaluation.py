@@ -5,7 +5,6 @@ Each is stored when it ends; those that are stored are not made again.
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from threading import Lock
@@ -18,11 +17,9 @@ import pandas as pd
 from joblib import effective_n_jobs
 from numpy.typing import NDArray
 
-from hybridsurrogate.exceptions import FailedRunsWarning
 from hybridsurrogate.simulation.calls import (
     Function,
     Outcome,
-    TakesNumbersError,
     all_at_once,
     called,
     row_by_row,
@@ -37,8 +34,6 @@ _BYTES_OF_ALL = 8 * _BYTES
 # To find a row takes about 0.4 us: a function of arrays that takes less is called again. Of fewer
 # rows the time is that of the call
 _QUICK, _FEW, _MEASURED = 1e-6, 1000, 3
-# odd, of mixed bits (Steele, Lea and Flood 2014, the constants of SplitMix64)
-_GOLDEN, _MIX = np.uint64(0x9E3779B97F4A7C15), np.uint64(0xBF58476D1CE4E5B9)
 
 _Table = tuple[NDArray[np.uint64], FloatArray, NDArray[np.bool_]]
 
@@ -180,18 +175,13 @@ def _mixed(bits: NDArray[np.uint64]) -> NDArray[np.uint64]:
     """Return one number (n,) for each row (n, d) of bits."""
     mixed = np.zeros(len(bits), dtype=np.uint64)
     for column in bits.T:
-        mixed = (mixed ^ column) * _GOLDEN
-        mixed ^= mixed >> np.uint64(29)
-        mixed *= _MIX
-        mixed ^= mixed >> np.uint64(32)
+        mixed = pd.util.hash_array(mixed ^ column)
     return mixed
 
 
 # Of so many rows for each process the first are called here, for so many seconds: processes take
 # about a second to start, and share the others where these take longer
 _MANY, _ALONE, _SHARED = 32, 0.1, 2.0
-
-__all__ = ["Function", "Running", "TakesNumbersError", "evaluate", "warn_of_lost_curves"]
 
 
 @dataclass(frozen=True)
@@ -321,28 +311,3 @@ def _made(
             value = function.of_run(outcome.value, points[rows, 0])
             outcome = outcome._replace(value=value)
         yield [outcome]
-
-
-def warn_of_lost_curves(
-    name: str, run: NDArray[np.intp], kept: NDArray[np.bool_], n_places: int, error: str | None
-) -> None:
-    """Warn of runs without a single output and of single outputs that are missing.
-
-    Raises
-    ------
-    ValueError
-        Where nothing is left.
-    """
-    n = len(run) // n_places
-    if not kept.any():
-        raise ValueError(f"All {n} runs of {name!r} failed. First error: {error}")
-    if kept.all():
-        return
-    lost = np.setdiff1d(run, run[kept])
-    warnings.warn(
-        f"{len(lost)} of {n} runs of {name!r} failed and were dropped, "
-        f"{np.sum(~kept) - len(lost) * n_places} further outputs are missing. "
-        f"First error: {error or 'they hold NaN or infinity'}.",
-        FailedRunsWarning,
-        stacklevel=4,
-    )

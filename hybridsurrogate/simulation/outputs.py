@@ -10,7 +10,6 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hybridsurrogate.arguments import as_names
 from hybridsurrogate.exceptions import did_you_mean
@@ -85,11 +84,6 @@ def by_output(value: Any, names: Sequence[str], title: str, axis: int = -1) -> F
     return array
 
 
-def changes(points: FloatArray) -> NDArray[np.bool_]:
-    """Return which rows (n, d) differ from the one before."""
-    return np.concatenate([[True], np.any(points[1:] != points[:-1], axis=1)])[: len(points)]
-
-
 class OneOutput:
     """A simulation of several outputs as a function of rows of one output each.
 
@@ -117,7 +111,7 @@ class OneOutput:
         """Return the outputs (n,) of n rows."""
         which = columns[OUTPUT].astype(np.intp)
         points = np.array([columns[name] for name in self.names]).T
-        new = changes(points)
+        new = np.append(True, np.any(points[1:] != points[:-1], axis=1))[: len(points)]
         outputs = self.simulator.evaluate(
             points[new, : self.n_inputs], points[new, self.n_inputs :]
         )

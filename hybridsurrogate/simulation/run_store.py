@@ -51,11 +51,8 @@ class RunStore:
         names: Sequence[str],
         n_outputs: int = 1,
     ) -> None:
-        self.folder, self.names, self.n_outputs = (
-            local_path(folder, "store"),
-            list(names),
-            n_outputs,
-        )
+        self.folder, self.n_outputs = local_path(folder, "store"), n_outputs
+        self.names = list(names)
         self._check({"simulation": simulation, "columns": self.names})
         self._path = self.folder / _RUNS
         try:

@@ -159,11 +159,11 @@ class SimulationData:
             )
         check_lengths({"X": X, "omega": omega, "y": y})
         labels = None if run is None else np.asarray(run)
-        if labels is not None and not np.issubdtype(labels.dtype, np.integer):
-            labels = np.unique(labels, return_inverse=True)[1]  # words, as files may have
-        if labels is not None and labels.shape != y.shape[:1]:
-            raise ValueError(f"run must have shape ({len(y)},), got {labels.shape}.")
         if labels is not None:
+            if not np.issubdtype(labels.dtype, np.integer):
+                labels = np.unique(labels, return_inverse=True)[1]  # words, as files may have
+            if labels.shape != y.shape[:1]:
+                raise ValueError(f"run must have shape ({len(y)},), got {labels.shape}.")
             labels = labels[finite_rows(X, omega, y)]
         X, omega, y = drop_failed(X, omega, y, "runs", error=None)
         for word, values in {"X": X, "omega": omega, "y": y}.items():
@@ -320,15 +320,8 @@ class SimulationData:
         names = [*inputs, *omega_names, *outputs]
         along = wide_along(frame, inputs, outputs)
         if along is not None:
-            return cls.from_curves(
-                None,
-                frame,
-                along=along,
-                parameters=parameters,
-                assumed=assumed,
-                inputs=inputs,
-                output=outputs,
-            )
+            named: dict[str, Any] = {"parameters": parameters, "assumed": assumed, "inputs": inputs}
+            return cls.from_curves(None, frame, along=along, output=outputs, **named)
         table = select_columns(frame, names, "The simulation runs")
         X, omega = table[list(inputs)], table[omega_names]
         y = table[outputs[0] if len(outputs) == 1 else list(outputs)]
@@ -394,17 +387,26 @@ class SimulationData:
             name: (min(low, more[name].min()), max(high, more[name].max()))
             for name, (low, high) in self.input_ranges.items()
         }
-        return SimulationData(
-            whole[list(ranges)],
-            whole[list(self.parameter_ranges)],
-            whole[self.output if len(self.outputs) == 1 else list(self.outputs)],
-            ranges,
-            self.parameters,
-            self.assumed,
-            self.outputs,
-            self.simulator,
-            run,
-        )
+        y = whole[self.output if len(self.outputs) == 1 else list(self.outputs)]
+        omega = whole[list(self.parameter_ranges)]
+        return self.with_data(whole[list(ranges)], omega, y, run, inputs=ranges)
+
+    def with_data(
+        self, X: Any, omega: Any, y: Any, run: Any | None = None, **changes: Any
+    ) -> SimulationData:
+        """Return other runs of the same simulation.
+
+        Parameters
+        ----------
+        X, omega, y, run : array-like
+            As in SimulationData.
+        **changes
+            Further parameters of SimulationData that differ.
+        """
+        names = ("parameters", "assumed", "simulator")
+        same = {name: getattr(self, name) for name in names}
+        same |= {"inputs": self.input_ranges, "output": self.outputs}
+        return SimulationData(X, omega, y, run=run, **same | changes)
 
     def single_output(self, scale: FloatArray) -> SimulationData:
         """Return the runs with one output a row, `OUTPUT` their last input; missing ones left out.
@@ -423,16 +425,14 @@ class SimulationData:
         empty = sorted(set(range(len(self.outputs))) - set(which.tolist()))
         if empty:
             raise ValueError(f"No run has the output {self.outputs[empty[0]]!r}: leave it out.")
-        return SimulationData(
+        return self.with_data(
             np.column_stack([self.X[row], which]),
             self.omega[row],
             (self.y / scale)[row, which],
-            {**self.input_ranges, OUTPUT: (0.0, len(self.outputs) - 1.0)},
-            self.parameters,
-            self.assumed,
-            self.output,
-            None if self.simulator is None else self.simulator.single_output(scale),
             None if self.run is None else self.run[row] * len(self.outputs) + which,
+            inputs={**self.input_ranges, OUTPUT: (0.0, len(self.outputs) - 1.0)},
+            output=self.output,
+            simulator=None if self.simulator is None else self.simulator.single_output(scale),
         )
 
     def save(self, path: str | os.PathLike[str]) -> None:

@@ -23,18 +23,12 @@ from hybridsurrogate.arguments import (
     check_number,
     state_to_pickle,
 )
-from hybridsurrogate.exceptions import RowByRowWarning, did_you_mean
+from hybridsurrogate.exceptions import FailedRunsWarning, RowByRowWarning, did_you_mean
 from hybridsurrogate.priors import prior_range
 from hybridsurrogate.simulation.arrays import as_numbers, as_table
+from hybridsurrogate.simulation.calls import Function, TakesNumbersError, accepted_names
 from hybridsurrogate.simulation.design import draw_design, run_with_ends
-from hybridsurrogate.simulation.evaluation import (
-    Function,
-    OutputCache,
-    Running,
-    TakesNumbersError,
-    evaluate,
-    warn_of_lost_curves,
-)
+from hybridsurrogate.simulation.evaluation import OutputCache, Running, evaluate
 from hybridsurrogate.simulation.modification import Modification
 from hybridsurrogate.simulation.outputs import OUTPUT, OneOutput, by_output, output_names
 from hybridsurrogate.simulation.run_store import RunStore
@@ -163,7 +157,14 @@ class Simulator:
             "cache": OutputCache(),
         }
         self.__dict__.update(fields)
-        _check_arguments(function, self.name, (*self.input_names, *self.parameter_ranges))
+        names = (*self.input_names, *self.parameter_ranges)
+        unknown = sorted({*names} - {*accepted_names(function, repr(self.name), names)})
+        if unknown:
+            raise TypeError(
+                f"{self.name!r} has no argument {', '.join(unknown)}: inputs, parameters and "
+                "assumed constants are passed to it by name."
+                f"{did_you_mean(unknown, inspect.signature(function).parameters)}"
+            )
 
     @property
     def name(self) -> str:
@@ -389,9 +390,7 @@ class Simulator:
         points, y, error = run_with_ends(outputs, points, ranges[:k], ends)
         X, omega = np.split(points, [k], axis=1)
         X, omega, y = drop_failed(X, omega, y, f"runs of {self.name!r}", error)
-        return SimulationData(
-            X, omega, y, self.input_ranges, self.parameters, self.assumed, self.outputs, self
-        )
+        return self._runs(X, omega, y)
 
     def run_at(
         self,
@@ -471,18 +470,26 @@ class Simulator:
         run, X, omega = self._curve_rows(points, places)
         y, error = self._evaluate(X, omega, running)
         kept = np.asarray(np.isfinite(y).reshape(len(y), -1).any(axis=1))
-        warn_of_lost_curves(self.name, run, kept, len(places), error)
-        return SimulationData(
-            X[kept],
-            omega[kept],
-            y[kept],
-            self.input_ranges,
-            self.parameters,
-            self.assumed,
-            self.outputs,
-            self,
-            run[kept],
-        )
+        if not kept.any():
+            raise ValueError(
+                f"All {len(points)} runs of {self.name!r} failed. First error: {error}"
+            )
+        if not kept.all():
+            lost = np.setdiff1d(run, run[kept])
+            warnings.warn(
+                f"{len(lost)} of {len(points)} runs of {self.name!r} failed and were dropped, "
+                f"{np.sum(~kept) - len(lost) * len(places)} further outputs are missing. "
+                f"First error: {error or 'they hold NaN or infinity'}.",
+                FailedRunsWarning,
+                stacklevel=3,
+            )
+        return self._runs(X[kept], omega[kept], y[kept], run[kept])
+
+    def _runs(
+        self, X: FloatArray, omega: FloatArray, y: FloatArray, run: NDArray[np.intp] | None = None
+    ) -> SimulationData:
+        named = self.input_ranges, self.parameters, self.assumed, self.outputs
+        return SimulationData(X, omega, y, *named, self, run)
 
     @property
     def _omega_names(self) -> tuple[str, ...]:
@@ -579,27 +586,3 @@ def _is_matrix(values: ArrayLike | None, n_columns: int) -> TypeGuard[FloatArray
         and values.dtype == np.float64
         and values.shape[1:] == (n_columns,)
     )
-
-
-def _check_arguments(function: Callable[..., Any], title: str, names: tuple[str, ...]) -> None:
-    try:
-        arguments = inspect.signature(function).parameters.values()
-    except ValueError:  # some compiled functions have no signature
-        return
-    by_name = [a for a in arguments if a.kind in (a.POSITIONAL_OR_KEYWORD, a.KEYWORD_ONLY)]
-    unknown = set(names) - {a.name for a in by_name}
-    if unknown and not any(a.kind == a.VAR_KEYWORD for a in arguments):
-        raise TypeError(
-            f"{title!r} has no argument {', '.join(sorted(unknown))}: inputs, parameters and "
-            "assumed constants are passed to it by name."
-            f"{did_you_mean(sorted(unknown), [a.name for a in by_name])}"
-        )
-    optional = (inspect.Parameter.VAR_POSITIONAL, inspect.Parameter.VAR_KEYWORD)
-    needed = [a.name for a in arguments if a.default is a.empty and a.kind not in optional]
-    absent = [name for name in needed if name not in names]
-    if absent:
-        raise TypeError(
-            f"{title!r} needs {', '.join(absent)}, which is no input, parameter or assumed "
-            "constant: name it as one, or give it a default."
-            f"{did_you_mean(absent, names)}"
-        )

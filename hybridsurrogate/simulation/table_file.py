@@ -258,7 +258,8 @@ def with_days(
             first, day = of_runs.min(), pd.Timedelta("1D")
             runs = runs.assign(**{name: (of_runs - first) / day})
             measured = measured.assign(**{name: (of_rows - first) / day})
-            print(f"{name} counts days from {_day(first)}, the first of the runs.", flush=True)
+            start = first.date() if first == first.normalize() else first.isoformat()
+            print(f"{name} counts days from {start}, the first of the runs.", flush=True)
         elif of_runs is not None or of_rows is not None:
             with_dates, without = files if of_rows is None else files[::-1]
             raise ValueError(
@@ -266,10 +267,6 @@ def with_days(
                 "both files, or numbers in both."
             )
     return runs, measured
-
-
-def _day(date: pd.Timestamp) -> str:
-    return str(date.date()) if date == date.normalize() else str(date.isoformat())
 
 
 def with_levels(measured: pd.DataFrame) -> pd.DataFrame:
@@ -280,7 +277,7 @@ def with_levels(measured: pd.DataFrame) -> pd.DataFrame:
         if dates is not None:
             out[name] = dates
             continue
-        known = sorted(measured[name].dropna().astype(str).unique())
+        codes, known = pd.factorize(measured[name].dropna().astype(str), sort=True)
         if measured[name].isna().any() or not 2 <= len(known) <= _MOST_LEVELS:
             warnings.warn(
                 f"The column {name!r} is left out: it holds neither numbers nor 2 to "
@@ -290,9 +287,8 @@ def with_levels(measured: pd.DataFrame) -> pd.DataFrame:
             )
             out = out.drop(columns=name)
             continue
-        codes = {level: code for code, level in enumerate(known)}
-        out[name] = measured[name].astype(str).map(codes).astype(float)
-        levels = ", ".join(f"{level} is {code}" for level, code in codes.items())
+        out[name] = codes.astype(float)
+        levels = ", ".join(f"{level} is {code}" for code, level in enumerate(known))
         print(f"Levels of {name}: {levels}.", flush=True)
     return out
 

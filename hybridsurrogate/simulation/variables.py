@@ -181,15 +181,12 @@ def prior_names(parameters: Mapping[str, Prior | None] | Sequence[str] | None) -
             parameters, "parameters", "prior", '{"rate": scipy.stats.norm(1, 0.2)}'
         )
     names = [parameters] if isinstance(parameters, str) else parameters
-    if names is not None and not (isinstance(names, list | tuple) and _are_text(names)):
+    known = isinstance(names, list | tuple) and all(isinstance(name, str) for name in names)
+    if not (names is None or known):
         raise TypeError(
             f"parameters must be a dict of name to prior, or a list of names, got {parameters!r}."
         )
     return dict.fromkeys(names or ())
-
-
-def _are_text(values: Sequence[object]) -> bool:
-    return all(isinstance(value, str) for value in values)
 
 
 def with_uniform_priors(
@@ -220,13 +217,11 @@ def with_uniform_priors(
             )
         priors[name] = stats.uniform(low, high - low)
         ends[name] = f"{low:.6g} to {high:.6g}"
-    if len(ends) == 1:
-        ((name, text),) = ends.items()
-        taken = f"{name!r}: it is taken as uniform over the runs, {text}"
-    elif ends:
-        texts = ", ".join(f"{name} from {text}" for name, text in ends.items())
-        taken = f"{', '.join(map(repr, ends))}: they are taken as uniform over the runs, {texts}"
     if ends:
+        one = len(ends) == 1
+        over = ", ".join(text if one else f"{name} from {text}" for name, text in ends.items())
+        names = ", ".join(map(repr, ends))
+        taken = f"{names}: {'it is' if one else 'they are'} taken as uniform over the runs, {over}"
         warnings.warn(
             f"No prior was given for {taken}. Give one: parameters={{name: "
             "scipy.stats.norm(mean, sd)}, on the command line --prior NAME=MEAN,SD.",

@@ -147,7 +147,7 @@ class TestSimulator:
     @pytest.mark.parametrize(
         ("options", "error", "match"),
         [
-            ({"inputs": {"x": (0, 1)}}, TypeError, "'height' has no argument x"),
+            ({"inputs": {"x": (0, 1)}}, TypeError, "'height' needs t, which is no input"),
             ({"assumed": None}, TypeError, "'height' needs start, which is no input"),
             ({"inputs": {"gravity": (0, 1)}}, ValueError, "gravity named more than once"),
             ({"inputs": {}}, ValueError, "at least one input"),

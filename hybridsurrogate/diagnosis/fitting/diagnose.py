@@ -51,9 +51,8 @@ from hybridsurrogate.diagnosis.validation.cross_validation import (
     folds_beyond,
     random_folds,
 )
-from hybridsurrogate.diagnosis.validation.gain import Rows, in_one_word
+from hybridsurrogate.diagnosis.validation.gain import Rows
 from hybridsurrogate.diagnosis.validation.refit import (
-    Pair,
     Refit,
     accepted,
     extended_estimator,
@@ -85,13 +84,11 @@ def with_gain(
     """
     before, settings = result.before, result.settings
     X, y = before.measured_
-    kinds = in_one_word([cause.kind for cause in result.extension.found_causes])
     refitted = Refit(
         clone(before),
         settings.causes,
         settings.exclude,
         searches(result.steps),
-        Pair(before, result.extension.estimator, kinds),
         settings.max_causes,
         settings.false_alarm_rate,
     )
