@@ -75,12 +75,7 @@ def own_draws(
     # a start where the simulation fails stays where it is
     value = np.maximum(value[first], _IMPOSSIBLE)
     mode, _, hessian = optimise_density(
-        log_density,
-        starts[first],
-        value,
-        SETTINGS.follow_share,
-        SETTINGS.follow_steps,
-        prune=False,
+        log_density, starts[first], value, max_iter=SETTINGS.follow_steps
     )
     factor = PROPOSAL_SCALE * factors(hessian)
     scaled = standard_student_draws((SETTINGS.proposals_each, S, d), random_state)

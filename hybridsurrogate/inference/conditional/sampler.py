@@ -319,7 +319,7 @@ def _weighted(
         log_weight = log_density - log_proposal[:, None]
         share = node_shares(log_weight)
         khat, effective = _quality(log_weight)
-        enough = effective > 0.1 * n and khat <= KHAT_LIMIT
+        enough = effective > SETTINGS.enough_effective * n and khat <= KHAT_LIMIT
         if enough or round_ == SETTINGS.conditional_rounds - 1:
             break
         components = [moment_match(points, share.mean(axis=1), first), *others]
