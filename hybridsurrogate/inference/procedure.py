@@ -19,11 +19,7 @@ from hybridsurrogate.inference.conjugate.collapsed import CollapsedPosterior
 from hybridsurrogate.inference.conjugate.target import PowerScaledPosterior
 from hybridsurrogate.inference.laplace import LaplacePosterior
 from hybridsurrogate.inference.posterior_sampler import FirstStep, first_step, of_importance
-from hybridsurrogate.inference.sampling.ensembles import (
-    FROM_NEAR,
-    Effort,
-    EnsembleSampler,
-)
+from hybridsurrogate.inference.sampling.ensembles import FROM_NEAR, Effort, EnsembleSampler
 from hybridsurrogate.inference.sampling.importance import Proposals, matched_draws
 from hybridsurrogate.inference.sampling.modes import NothingPossibleError
 from hybridsurrogate.model.posterior import MIN_EFFECTIVE, Diagnostics, Posterior
@@ -135,13 +131,9 @@ def carried_step(
     if proposals is None or len(proposals.points) < MIN_EFFECTIVE:
         return None
     powers = powers_used(problem, powers)
-    target = make_target(problem, *powers)
+    target, some = make_target(problem, *powers), thinned(proposals, n_proposals)
     sampled = matched_draws(
-        target.extended_log_density,
-        thinned(proposals, n_proposals),
-        n_draws,
-        random_state,
-        n_noise=target.n_noise,
+        target.extended_log_density, some, n_draws, random_state, target.n_noise
     )
     if not (sampled.khat <= KHAT_LIMIT and sampled.effective_draws >= MIN_EFFECTIVE):
         return None

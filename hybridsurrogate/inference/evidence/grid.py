@@ -104,20 +104,11 @@ def make_grid(model: MeasuredModel) -> Grid:
         edges = np.stack([cell[k] for cell, k in zip(cells, index, strict=True)], axis=1)
     taken = {*sizes, *nodes, *conditioned}
     fixed = [k for k in range(model.n_unknowns) if k not in taken]
-    return at_cells(
-        model,
-        Grid(
-            np.array(fixed, dtype=int),
-            np.array(sizes, dtype=int),
-            np.array(nodes, dtype=int),
-            neutral,
-            np.empty((0, 0)),
-            edges,
-            np.empty(0),
-            exact=all(np.ndim(axis) == 2 for axis in axes.values()),
-        ),
-        edges,
-    )
+    places = [np.array(some, dtype=int) for some in (fixed, sizes, nodes)]
+    exact = all(np.ndim(axis) == 2 for axis in axes.values())
+    none = np.empty((0, 0)), edges, np.empty(0)
+    grid = Grid(places[0], places[1], places[2], neutral, *none, exact)
+    return at_cells(model, grid, edges)
 
 
 def _cells(nodes: FloatArray, prior: Prior) -> FloatArray:
