@@ -317,32 +317,13 @@ def moved_again(
     if problem.collapses:
         start = without_hyper(problem, u)
         return moved_step(given_draws(problem, c), start, random_state, effort)
-    return conditional_draws(
-        problem.model,
-        problem.X,
-        problem.observed,
-        problem.weights,
-        problem.likelihood,
-        problem.noise_prior,
-        u,
-        c,
-        a,
-        random_state,
-        effort,
-    )
+    return conditional_draws(problem, u, c, a, random_state, effort)
 
 
 def given_draws(problem: Problem, c: FloatArray) -> MeasuredGiven:
     """Return the measured rows of a problem given coefficient draws (S, p)."""
-    return MeasuredGiven(
-        problem.model,
-        problem.X,
-        problem.y,
-        problem.weights,
-        c,
-        problem.noise_prior,
-        problem.scale,
-    )
+    rows = problem.model, problem.X, problem.y, problem.weights
+    return MeasuredGiven(*rows, c, problem.noise_prior, problem.scale)
 
 
 def without_hyper(problem: Problem, u: FloatArray) -> FloatArray:

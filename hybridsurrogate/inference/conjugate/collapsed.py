@@ -15,7 +15,6 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hybridsurrogate.inference.conjugate.factored_rows import (
     FactoredRows,
@@ -190,10 +189,6 @@ class CollapsedPosterior(PowerScaledPosterior):
         return points
 
     @cached_property
-    def _unequal(self) -> bool:
-        return bool((self.weights != 1).any())
-
-    @cached_property
     def _prior(self) -> tuple[FloatArray, FloatArray]:
         """Mean and precision of (c, a)."""
         basis = self.model.basis
@@ -319,7 +314,7 @@ class CollapsedPosterior(PowerScaledPosterior):
         if parts.noise.shape[1] > 1:
             rows /= parts.noise[..., None]
             log_noise = np.log(parts.noise) @ self.weights
-        if self._unequal:
+        if (self.weights != 1).any():
             rows *= np.sqrt(self.weights)[:, None]
         return rows, log_noise
 
@@ -329,7 +324,7 @@ class CollapsedPosterior(PowerScaledPosterior):
         length = LARGE_BLOCK // (size * n if self._few else size**2)
         if n:
             # rows of products are not formed for each draw
-            formed = size if self._few else size - int(np.count_nonzero(self._products))
+            formed = size if self._few else size - int(np.count_nonzero(self._factored.products))
             length = min(length, BLOCK // max(formed * n, 1))
         length = max(1, length)
         return [u[k : k + length] for k in range(0, max(len(u), 1), length)]
@@ -338,17 +333,13 @@ class CollapsedPosterior(PowerScaledPosterior):
     def _factored(self) -> FactoredRows:
         return FactoredRows(self.model, self.X, self.y, np.sqrt(self.weights))
 
-    @property
-    def _products(self) -> NDArray[np.bool_]:
-        return self._factored.products
-
     def _gram(self, u: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return [[G, g], [g', yy]] of all rows at sigma = 1, and the log noise factors."""
         size = len(self._prior[0])
         out: FloatArray = np.zeros((len(u), size + 1, size + 1))
         log_noise: FloatArray = np.zeros(len(u))
         if self.measured_power:
-            if self._products.any():
+            if self._factored.products.any():
                 out = self._factored.gram(self.model.values(u[:, :-1]))
             else:
                 formed, log_noise = self._measured_rows(u)
