@@ -68,7 +68,7 @@ def starting_points(
                 z[grid.nodes] = to_normal(priors, grid.points[mode.node])
             before = sigma
             sigma = max(float(np.sqrt(mode.squares / len(target.y))), floor)
-            if not sigma < EVIDENCE.much_closer * before:
+            if sigma > SETTINGS.converged_noise * before:
                 break
     return np.array([[*z, *z_hyper, np.log(sigma * factor)] for factor in (1.0, 2.0)])
 

@@ -54,8 +54,9 @@ class SamplingSettings:
         Between two points whose log densities differ by more, none far below the best, is a third.
     followed_nodes, following_steps : int
         Nodes from which the other unknowns are followed first, and steps uphill in them.
-    max_starts : int
-        Starts of a search for modes.
+    max_starts, converged_noise : int, float
+        Starts of a search for modes; and the change of the noise, as a share, at which fits that
+        are repeated with their estimated noise have converged.
     mode_steps, mode_rounding : int, float
         Steps to a mode; log densities that differ by less are equal.
     max_transforms, enough_matched : int, float
@@ -129,6 +130,7 @@ class SamplingSettings:
     followed_nodes: int = 64
     following_steps: int = 4
     max_starts: int = 5
+    converged_noise: float = 0.7
     mode_steps: int = 40
     mode_rounding: float = 1e-2
     max_transforms: int = 6
