@@ -244,11 +244,9 @@ class KrigedBasis(Basis):
         """Return the output of all inputs for all parameters."""
         rows, points = each_with_each(X, omega)
         missed = self._through_runs(rows, points).reshape(len(omega), len(X))
-        trend = self.process.trend
-        assert trend is not None  # curves have none, and a separate basis
         if len(self.c):
-            return trend.outer_output(X, omega, self.c) + missed
-        return trend.known(rows, points).reshape(missed.shape) + missed
+            return self._trend.outer_output(X, omega, self.c) + missed
+        return self._trend.known(rows, points).reshape(missed.shape) + missed
 
     def predict(self, X: FloatArray, omega: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return mean and standard deviation (n,) of the simulation."""
@@ -281,17 +279,16 @@ class KrigedBasis(Basis):
         places = self.process.places(X, omega)
         white = places.alike(self.runs.of(slice(len(self.whiten)))) @ self.whiten.T
         sd = self.sd * self.local.at(places.points)
-        return (
-            places,
-            white,
-            sd,
-            sd * np.sqrt(np.maximum(places.variances() - np.sum(white**2, axis=1), 0.0)),
-        )
+        left = np.maximum(places.variances() - np.sum(white**2, axis=1), 0.0)
+        return places, white, sd, sd * np.sqrt(left)
+
+    @property
+    def _trend(self) -> Basis:
+        assert self.process.trend is not None  # curves have none, and a separate basis
+        return self.process.trend
 
     def _terms(self, X: FloatArray, omega: FloatArray) -> FloatArray:
-        trend = self.process.trend
-        assert trend is not None  # curves have none, and a separate basis
-        return trend.output(X, omega, self.c) if len(self.c) else trend.known(X, omega)
+        return self._trend.output(X, omega, self.c) if len(self.c) else self._trend.known(X, omega)
 
     @cached_property
     def _alone(self) -> tuple[Process, Places]:

@@ -9,10 +9,7 @@ from scipy import special
 
 from hybridsurrogate.inference.conjugate.target import PowerScaledPosterior, Target
 from hybridsurrogate.inference.sampling.axis_proposals import elongation, ridge_through, with_lines
-from hybridsurrogate.inference.sampling.ensembles import (
-    EnsembleDraws,
-    EnsembleSampler,
-)
+from hybridsurrogate.inference.sampling.ensembles import EnsembleDraws, EnsembleSampler
 from hybridsurrogate.inference.sampling.hierarchical import HierarchicalTarget, standardised
 from hybridsurrogate.inference.sampling.importance import (
     ImportanceDraws,
@@ -117,9 +114,8 @@ def evidence_around(
 def _modes(target: Target, starts: FloatArray) -> list[Gaussian]:
     steps = target.step_share, target.model.least_step
     modes = find_modes(target.search_density, starts, *steps)
-    if (
-        target.n_dimensions > 2
-    ):  # with one unknown in addition to sigma the starts were all there are
+    # with one unknown in addition to sigma the starts were all there are
+    if target.n_dimensions > 2:
         further = further_points(target, modes[0].mean)
         if len(further):
             modes += find_modes(target.search_density, further, *steps)
@@ -134,14 +130,9 @@ def _importance(
     random_state: np.random.RandomState,
     modes: list[Gaussian],
 ) -> ImportanceDraws:
+    density, n_noise = target.extended_log_density, target.n_noise
     return importance_draws(
-        target.extended_log_density,
-        components,
-        n,
-        n_draws,
-        random_state,
-        n_noise=target.n_noise,
-        modes=modes,
+        density, components, n, n_draws, random_state, n_noise=n_noise, modes=modes
     )
 
 

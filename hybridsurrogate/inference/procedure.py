@@ -19,11 +19,7 @@ from hybridsurrogate.inference.conjugate.collapsed import CollapsedPosterior
 from hybridsurrogate.inference.conjugate.target import PowerScaledPosterior
 from hybridsurrogate.inference.laplace import LaplacePosterior
 from hybridsurrogate.inference.posterior_sampler import FirstStep, first_step, of_importance
-from hybridsurrogate.inference.sampling.ensembles import (
-    FROM_NEAR,
-    Effort,
-    EnsembleSampler,
-)
+from hybridsurrogate.inference.sampling.ensembles import FROM_NEAR, Effort, EnsembleSampler
 from hybridsurrogate.inference.sampling.importance import Proposals, matched_draws
 from hybridsurrogate.inference.sampling.modes import NothingPossibleError
 from hybridsurrogate.model.posterior import MIN_EFFECTIVE, Diagnostics, Posterior
@@ -135,13 +131,9 @@ def carried_step(
     if proposals is None or len(proposals.points) < MIN_EFFECTIVE:
         return None
     powers = powers_used(problem, powers)
-    target = make_target(problem, *powers)
+    target, some = make_target(problem, *powers), thinned(proposals, n_proposals)
     sampled = matched_draws(
-        target.extended_log_density,
-        thinned(proposals, n_proposals),
-        n_draws,
-        random_state,
-        n_noise=target.n_noise,
+        target.extended_log_density, some, n_draws, random_state, target.n_noise
     )
     if not (sampled.khat <= KHAT_LIMIT and sampled.effective_draws >= MIN_EFFECTIVE):
         return None
@@ -325,32 +317,13 @@ def moved_again(
     if problem.collapses:
         start = without_hyper(problem, u)
         return moved_step(given_draws(problem, c), start, random_state, effort)
-    return conditional_draws(
-        problem.model,
-        problem.X,
-        problem.observed,
-        problem.weights,
-        problem.likelihood,
-        problem.noise_prior,
-        u,
-        c,
-        a,
-        random_state,
-        effort,
-    )
+    return conditional_draws(problem, u, c, a, random_state, effort)
 
 
 def given_draws(problem: Problem, c: FloatArray) -> MeasuredGiven:
     """Return the measured rows of a problem given coefficient draws (S, p)."""
-    return MeasuredGiven(
-        problem.model,
-        problem.X,
-        problem.y,
-        problem.weights,
-        c,
-        problem.noise_prior,
-        problem.scale,
-    )
+    rows = problem.model, problem.X, problem.y, problem.weights
+    return MeasuredGiven(*rows, c, problem.noise_prior, problem.scale)
 
 
 def without_hyper(problem: Problem, u: FloatArray) -> FloatArray:

@@ -54,10 +54,10 @@ def placed_together(
         return conditional
     candidates = list(conditional.candidates)
     elsewhere = np.array([w.log_evidence for w in nearby.candidates]) if nearby else evidence
-    behind = SETTINGS.pruned_nearby if nearby else SETTINGS.second_cause_behind
+    behind = SETTINGS.behind if nearby else SETTINGS.within_reach
     for k in able:
         near = elsewhere[k] > max(elsewhere[able]) - behind
-        if near and evidence[k] > evidence[able[0]] - SETTINGS.second_cause_behind:
+        if near and evidence[k] > evidence[able[0]] - SETTINGS.within_reach:
             candidates[k] = _together(result, first, conditional, candidates[k])
     return conditional.reweighed(candidates)
 

@@ -322,7 +322,7 @@ def _look_ahead(
     waiting = named[: SETTINGS.looked_ahead]
     if (
         not ends_search(first_choice)
-        and result.probability[at] > SETTINGS.beyond_doubt
+        and result.probability[at] > SETTINGS.set_mass
         and result.remainder[at] < 0.5
         # such noise imitates a second cause
         and result.correlated[at] < 0.5
@@ -330,7 +330,7 @@ def _look_ahead(
         waiting = [at]
     elsewhere = _pairs_elsewhere(result, causes, named, nearby)
     if elsewhere:
-        within = max(elsewhere.values()) - SETTINGS.pruned_nearby
+        within = max(elsewhere.values()) - SETTINGS.behind
         waiting = [k for k in waiting if k == at or elsewhere.get(k, np.inf) > within]
     in_doubt = len(waiting) > 1
     made: dict[int, Search] = {}
@@ -342,7 +342,7 @@ def _look_ahead(
         alone = log_prior[k] + first.log_evidence
         # where all is explained, there is nothing to place in addition to the first
         left = in_doubt or second.probability[0] < 0.5
-        within = max(values.values(), default=-np.inf) - SETTINGS.pair_pruned
+        within = max(values.values(), default=-np.inf) - SETTINGS.behind
         if left and alone + _evidence_of_others(second) > within:
             known = _nearby(second.problem.model, _others(causes, first), nearby)
             second = placed_together(result, first, second, _leading(known, result.problem))

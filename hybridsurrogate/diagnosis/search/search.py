@@ -401,7 +401,7 @@ def _within_reach(nearby: Search, causes: Sequence[Cause]) -> NDArray[np.intp]:
         log_share = np.log(nearby.probability[1:])
     best = np.max(log_share, initial=-np.inf)
     always = np.array([cause.is_process or cause.is_correlated_noise for cause in causes])
-    return np.flatnonzero(always | (log_share > best - SETTINGS.pruned_nearby))
+    return np.flatnonzero(always | (log_share > best - SETTINGS.behind))
 
 
 def _ends(nearby: Search, leads: bool) -> list[Fitted | None]:

@@ -75,12 +75,7 @@ def own_draws(
     # a start where the simulation fails stays where it is
     value = np.maximum(value[first], _IMPOSSIBLE)
     mode, _, hessian = optimise_density(
-        log_density,
-        starts[first],
-        value,
-        SETTINGS.follow_share,
-        SETTINGS.follow_steps,
-        prune=False,
+        log_density, starts[first], value, max_iter=SETTINGS.follow_steps
     )
     factor = PROPOSAL_SCALE * factors(hessian)
     scaled = standard_student_draws((SETTINGS.proposals_each, S, d), random_state)
@@ -151,7 +146,9 @@ def grid_draws(
     nodes, width = _grid(low, high, GRID_NODES[d])
     squares, share = evaluated(nodes)
     if d:
-        low, high = _occupied(nodes, share.mean(axis=1), width)
+        # the box around the nodes that hold mass
+        kept = nodes[_holds_mass(share.mean(axis=1))]
+        low, high = kept.min(axis=0) - width / 2, kept.max(axis=0) + width / 2
         nodes, width = _grid(low, high, GRID_NODES[d])
         squares, share = evaluated(nodes)
     # far from the simulation's guidance each draw has a narrow posterior at a different place
@@ -177,14 +174,6 @@ def _grid(low: FloatArray, high: FloatArray, n: int) -> tuple[FloatArray, FloatA
     if not axes:
         return np.zeros((1, 0)), width
     return np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, len(axes)), width
-
-
-def _occupied(
-    nodes: FloatArray, share: FloatArray, width: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    """Return the box around the nodes that hold all but a millionth of the mass."""
-    keep = _holds_mass(share)
-    return nodes[keep].min(axis=0) - width / 2, nodes[keep].max(axis=0) + width / 2
 
 
 def _holds_mass(share: FloatArray) -> NDArray[np.bool_]:

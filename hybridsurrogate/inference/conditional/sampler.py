@@ -32,7 +32,7 @@ from hybridsurrogate.inference.conditional.pairwise_squares import (
     squares_of_factors,
     squares_of_pairs,
 )
-from hybridsurrogate.inference.sampling.ensembles import FROM_NEAR, Effort, moved_draws
+from hybridsurrogate.inference.sampling.ensembles import Effort, moved_draws
 from hybridsurrogate.inference.sampling.hierarchical import standardised
 from hybridsurrogate.inference.sampling.importance import (
     mixture_log_density,
@@ -41,37 +41,27 @@ from hybridsurrogate.inference.sampling.importance import (
 )
 from hybridsurrogate.inference.sampling.modes import Gaussian, LogDensity, find_modes
 from hybridsurrogate.inference.sampling.settings import SETTINGS
-from hybridsurrogate.likelihoods.base import Likelihood
-from hybridsurrogate.model.observation import MeasuredModel
 from hybridsurrogate.model.posterior import LEAST_EFFECTIVE
+from hybridsurrogate.model.problem import Problem
 from hybridsurrogate.model.statistics import ROUNDING, prior_log_density, prior_of_unknowns
 from hybridsurrogate.numerics.linear_algebra import LARGE_BLOCK, blocks, log_det_of, nudged_cholesky
 from hybridsurrogate.numerics.psis import KHAT_LIMIT, level_smooth
-from hybridsurrogate.types import FloatArray, Prior
+from hybridsurrogate.types import FloatArray
 
 
 def conditional_draws(
-    model: MeasuredModel,
-    X: FloatArray,
-    y: FloatArray,
-    weights: FloatArray,
-    likelihood: Likelihood,
-    noise_prior: Prior,
+    problem: Problem,
     u: FloatArray,
     c: FloatArray,
     a: FloatArray,
     random_state: np.random.RandomState,
-    effort: Effort = FROM_NEAR,
+    effort: Effort,
 ) -> MeasuredDraws:
     """Draw (omega, theta, sigma, a) given each coefficient draw and its hyperparameters.
 
     Parameters
     ----------
-    model : MeasuredModel
-    X, y, weights : ndarray of shape (n, n_columns), (n,), (n,)
-        Measured rows, y as measured.
-    likelihood : Likelihood
-    noise_prior : prior of sigma
+    problem : Problem
     u, c, a : ndarray of shape (S, d), (S, p), (S, q)
         Draws of step 1: unknowns with hyperparameters, coefficients of surrogate and causes.
     random_state : RandomState
@@ -81,22 +71,21 @@ def conditional_draws(
     -------
     MeasuredDraws
     """
-    m = model.n_unknowns
-    hyper = u[:, m:-1]
-    sd = model.column_sd
+    model, m = problem.model, problem.model.n_unknowns
+    hyper, sd = u[:, m:-1], model.column_sd
 
     def log_density(points: FloatArray, chains: NDArray[np.intp]) -> FloatArray:
         z, log_sigma, columns = points[:, :m], points[:, m], points[:, m + 1 :]
         sigma = np.exp(log_sigma)
         values = model.values(np.hstack([z, hyper[chains]]))
-        parts = model.parts(X, values)
+        parts = model.parts(problem.X, values)
         eta = parts.known + (parts.features @ c[chains][..., None])[..., 0]
         eta = eta + (parts.columns @ (columns * sd)[..., None])[..., 0]
         with np.errstate(all="ignore"):
-            log_likelihood = model.likelihood_of(likelihood, values)
-            density = log_likelihood.log_density(y, eta, parts.noise * sigma[:, None]) @ weights
-            prior = noise_prior.logpdf(sigma) + log_sigma
-        out = density + prior + prior_log_density(z) + prior_log_density(columns)
+            likelihood = model.likelihood_of(problem.likelihood, values)
+            density = likelihood.log_density(problem.observed, eta, parts.noise * sigma[:, None])
+            prior = problem.noise_prior.logpdf(sigma) + log_sigma
+        out = density @ problem.weights + prior + prior_log_density(z) + prior_log_density(columns)
         return np.where(np.isfinite(out), out, -np.inf)
 
     start = np.hstack([u[:, :m], u[:, -1:], a / sd])
@@ -320,7 +309,7 @@ def _weighted(
         log_weight = log_density - log_proposal[:, None]
         share = node_shares(log_weight)
         khat, effective = _quality(log_weight, share)
-        enough = effective > 0.1 * n and khat <= KHAT_LIMIT
+        enough = effective > SETTINGS.enough_effective * n and khat <= KHAT_LIMIT
         if enough or round_ == SETTINGS.conditional_rounds - 1:
             break
         components = [moment_match(points, share.mean(axis=1), first), *others]

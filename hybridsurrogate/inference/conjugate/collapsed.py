@@ -13,9 +13,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hybridsurrogate.inference.conjugate.factored_rows import (
     FactoredRows,
@@ -97,52 +97,20 @@ def few_rows(
     return FixedRows(mean, sd, sd[:, None] * right.T, size, along, max(rest, 0.0), log_noise)
 
 
-def marginal_of_rows(
-    rows: FloatArray, residual: FloatArray, variance: FloatArray, before: FixedRows
-) -> tuple[FloatArray, FloatArray]:
-    """Return log |covariance| / variance^n and the quadratic form, of all rows, both (J,)."""
-    centre, sd = before.given(variance)
-    rows, residual = _standardised(rows, residual, before, centre, sd)
-    factor = nudged_cholesky(_covariance(rows, variance))
-    half = np.linalg.solve(factor, residual[..., None])[..., 0]
-    log_det, rest, _ = before.marginal(variance)
-    log_det = log_det + 2 * log_det_of(factor) - rows.shape[1] * np.log(variance)
-    return log_det, rest + (half**2).sum(axis=1)
+class _FewRows(NamedTuple):
+    """Rows of coefficients that are ``centre + sd * v`` before them, v standard normal.
 
+    In coordinates of `FixedRows`, for J draws: rows (J, n, r) of v, their residuals (J, n), noise
+    variance (J,) and covariance (J, n, n), and the log of the noise factors (J,).
+    """
 
-def draws_given_rows(
-    rows: FloatArray,
-    residual: FloatArray,
-    variance: FloatArray,
-    before: FixedRows,
-    random_state: np.random.RandomState,
-) -> FloatArray:
-    """Draw the coefficients (J, p) by conditioning draws from before the rows on them."""
-    centre, sd = before.given(variance)
-    rows, residual = _standardised(rows, residual, before, centre, sd)
-    noise = random_state.standard_normal(rows.shape[::2])
-    error = np.sqrt(variance)[:, None] * random_state.standard_normal(residual.shape)
-    missing = residual - (rows @ noise[..., None])[..., 0] - error
-    solved = np.linalg.solve(_covariance(rows, variance), missing[..., None])
-    v = noise + (np.swapaxes(rows, 1, 2) @ solved)[..., 0]
-    return before.mean + (centre + sd * v) @ before.axes.T
-
-
-def _standardised(
-    rows: FloatArray, residual: FloatArray, before: FixedRows, centre: FloatArray, sd: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    """Return rows of coefficients that are standard normal before them, and their residuals."""
-    rows = rows @ before.axes
-    residual = residual - (rows @ centre[..., None])[..., 0]
-    rows *= sd[:, None]
-    return rows, residual
-
-
-def _covariance(rows: FloatArray, variance: FloatArray) -> FloatArray:
-    out = rows @ np.swapaxes(rows, 1, 2)
-    n = rows.shape[1]
-    out[:, np.arange(n), np.arange(n)] += variance[:, None]
-    return out
+    rows: FloatArray
+    residual: FloatArray
+    variance: FloatArray
+    covariance: FloatArray
+    log_noise: FloatArray
+    centre: FloatArray
+    sd: FloatArray
 
 
 _LOG_2PI = float(np.log(2 * np.pi))
@@ -190,10 +158,6 @@ class CollapsedPosterior(PowerScaledPosterior):
         return points
 
     @cached_property
-    def _unequal(self) -> bool:
-        return bool((self.weights != 1).any())
-
-    @cached_property
     def _prior(self) -> tuple[FloatArray, FloatArray]:
         """Mean and precision of (c, a)."""
         basis = self.model.basis
@@ -229,18 +193,17 @@ class CollapsedPosterior(PowerScaledPosterior):
         """Return log |Lambda| / |Lambda0|, the quadratic form that is left, log of the noise."""
         if self._fixed:
             return self._fixed_rows.marginal(np.exp(2 * u[:, -1]))
-        if self._few:
-            return self._marginal_of_few(u)
-        _, precision = self._prior
-        log_prior = 0.0 if self.model.n_hyper else float(np.log(precision).sum())
-        pieces: list[FloatArray] = []
-        for block in self._blocks(u):
-            factor, log_noise = self._augmented_factor(block)
-            diagonal = np.diagonal(factor, axis1=1, axis2=2)
-            log_det = 2 * np.log(diagonal[:, :-1]).sum(axis=1) - log_prior
-            pieces.append(np.stack([log_det, diagonal[:, -1] ** 2, log_noise]))
+        of_block = self._marginal_of_few if self._few else self._marginal_of_many
+        pieces = [np.stack(of_block(block)) for block in self._blocks(u)]
         log_det, rest, log_noise = np.concatenate(pieces, axis=1)
         return log_det, rest, log_noise
+
+    def _marginal_of_many(self, u: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        log_prior = 0.0 if self.model.n_hyper else float(np.log(self._prior[1]).sum())
+        factor, log_noise = self._augmented_factor(u)
+        diagonal = np.diagonal(factor, axis1=1, axis2=2)
+        log_det = 2 * np.log(diagonal[:, :-1]).sum(axis=1) - log_prior
+        return log_det, diagonal[:, -1] ** 2, log_noise
 
     @property
     def _fixed(self) -> bool:
@@ -278,32 +241,40 @@ class CollapsedPosterior(PowerScaledPosterior):
         mean, precision = self._prior
         return fixed_rows(self._runs, mean, precision**-0.5, 0.0)
 
-    def _few_rows(self, u: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return rows (J, n, p), residuals of the prior mean (J, n), and log noise."""
-        rows, log_noise = self._measured_rows(u)
-        rows *= np.sqrt(self.measured_power)
-        features = rows[..., :-1]
-        return features, rows[..., -1] - features @ self._prior[0], log_noise
+    def _few_rows(self, u: FloatArray) -> _FewRows:
+        features, log_noise = self._measured_rows(u)
+        features *= np.sqrt(self.measured_power)
+        features, y = features[..., :-1], features[..., -1]
+        variance = np.exp(2 * u[:, -1])
+        centre, sd = self._before.given(variance)
+        rows = features @ self._before.axes
+        residual = y - features @ self._prior[0] - (rows @ centre[..., None])[..., 0]
+        rows *= sd[:, None]
+        covariance = rows @ np.swapaxes(rows, 1, 2)
+        n = np.arange(rows.shape[1])
+        covariance[:, n, n] += variance[:, None]
+        return _FewRows(rows, residual, variance, covariance, log_noise, centre, sd)
 
     def _marginal_of_few(self, u: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """As `_marginal`, by the covariance of the rows instead of that of the coefficients."""
-        pieces: list[FloatArray] = []
-        for block in self._blocks(u):
-            rows, residual, log_noise = self._few_rows(block)
-            variance = np.exp(2 * block[:, -1])
-            log_det, rest = marginal_of_rows(rows, residual, variance, self._before)
-            rest = rest + self.measured_power * self._rounding / variance
-            pieces.append(np.stack([log_det, rest, log_noise]))
-        log_det, rest, log_noise = np.concatenate(pieces, axis=1)
-        return log_det, rest, log_noise
+        few = self._few_rows(u)
+        factor = nudged_cholesky(few.covariance)
+        half = np.linalg.solve(factor, few.residual[..., None])[..., 0]
+        log_det, rest, _ = self._before.marginal(few.variance)
+        log_det = log_det + 2 * log_det_of(factor) - len(self.y) * np.log(few.variance)
+        rest = rest + (half**2).sum(axis=1) + self.measured_power * self._rounding / few.variance
+        return log_det, rest, few.log_noise
 
     def _draws_of_few(self, u: FloatArray, random_state: np.random.RandomState) -> FloatArray:
-        pieces: list[FloatArray] = []
-        for block in self._blocks(u):
-            rows, residual, _ = self._few_rows(block)
-            variance = np.exp(2 * block[:, -1])
-            pieces.append(draws_given_rows(rows, residual, variance, self._before, random_state))
-        return np.concatenate(pieces)
+        """Draw the coefficients (J, p) by conditioning draws from before the rows on them."""
+        few = self._few_rows(u)
+        noise = random_state.standard_normal(few.rows.shape[::2])
+        error = random_state.standard_normal(few.residual.shape)
+        error = np.sqrt(few.variance)[:, None] * error
+        missing = few.residual - (few.rows @ noise[..., None])[..., 0] - error
+        solved = np.linalg.solve(few.covariance, missing[..., None])
+        v = noise + (np.swapaxes(few.rows, 1, 2) @ solved)[..., 0]
+        return self._before.mean + (few.centre + few.sd * v) @ self._before.axes.T
 
     @property
     def _rounding(self) -> float:
@@ -319,7 +290,7 @@ class CollapsedPosterior(PowerScaledPosterior):
         if parts.noise.shape[1] > 1:
             rows /= parts.noise[..., None]
             log_noise = np.log(parts.noise) @ self.weights
-        if self._unequal:
+        if (self.weights != 1).any():
             rows *= np.sqrt(self.weights)[:, None]
         return rows, log_noise
 
@@ -329,7 +300,7 @@ class CollapsedPosterior(PowerScaledPosterior):
         length = LARGE_BLOCK // (size * n if self._few else size**2)
         if n:
             # rows of products are not formed for each draw
-            formed = size if self._few else size - int(np.count_nonzero(self._products))
+            formed = size if self._few else size - int(np.count_nonzero(self._factored.products))
             length = min(length, BLOCK // max(formed * n, 1))
         length = max(1, length)
         return [u[k : k + length] for k in range(0, max(len(u), 1), length)]
@@ -338,17 +309,13 @@ class CollapsedPosterior(PowerScaledPosterior):
     def _factored(self) -> FactoredRows:
         return FactoredRows(self.model, self.X, self.y, np.sqrt(self.weights))
 
-    @property
-    def _products(self) -> NDArray[np.bool_]:
-        return self._factored.products
-
     def _gram(self, u: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return [[G, g], [g', yy]] of all rows at sigma = 1, and the log noise factors."""
         size = len(self._prior[0])
         out: FloatArray = np.zeros((len(u), size + 1, size + 1))
         log_noise: FloatArray = np.zeros(len(u))
         if self.measured_power:
-            if self._products.any():
+            if self._factored.products.any():
                 out = self._factored.gram(self.model.values(u[:, :-1]))
             else:
                 formed, log_noise = self._measured_rows(u)
@@ -401,7 +368,8 @@ class CollapsedPosterior(PowerScaledPosterior):
         """Draw (c, a) for each u (J, d): arrays of shape (J, p) and (J, q)."""
         p = len(self.model.basis.coefficient_mean)
         if self._few and not self._fixed:
-            draws = self._draws_of_few(u, random_state)
+            blocks = self._blocks(u)
+            draws = np.concatenate([self._draws_of_few(block, random_state) for block in blocks])
             return draws[:, :p], draws[:, p:]
         noise = random_state.standard_normal((len(u), len(self._prior[0])))
         if not noise.size:

@@ -114,20 +114,13 @@ def make_grid(model: MeasuredModel) -> Grid:
         edges = np.stack([cell[k] for cell, k in zip(cells, index, strict=True)], axis=1)
     taken = {*sizes, *nodes, *conditioned}
     fixed = [k for k in range(model.n_unknowns) if k not in taken]
-    return at_cells(
-        model,
-        Grid(
-            np.array(fixed, dtype=int),
-            np.array(sizes, dtype=int),
-            np.array(nodes, dtype=int),
-            neutral,
-            np.empty((0, 0)),
-            edges,
-            np.empty(0),
-            exact=all(np.ndim(axis) == 2 for axis in axes.values()),
-        ),
-        edges,
-    )
+    places = [np.array(some, dtype=int) for some in (fixed, sizes, nodes)]
+    exact = all(np.ndim(axis) == 2 for axis in axes.values())
+    none = np.empty((0, 0)), edges, np.empty(0)
+    grid = Grid(places[0], places[1], places[2], neutral, *none, exact)
+    log_mass = _log_mass(model, grid, edges)
+    # scipy's logsumexp costs a fifth of a millisecond, whatever the size
+    return with_cells(grid, edges, log_mass - np.logaddexp.reduce(log_mass))
 
 
 def _cells(nodes: FloatArray, prior: Prior) -> FloatArray:
@@ -140,15 +133,8 @@ def _cells(nodes: FloatArray, prior: Prior) -> FloatArray:
     return np.column_stack([borders[:-1], borders[1:]])
 
 
-def at_cells(model: MeasuredModel, grid: Grid, edges: FloatArray) -> Grid:
-    """Return the grid with other cells: nodes in their middle, of their share of the prior."""
-    log_mass = _log_mass(model, grid, edges)
-    # scipy's logsumexp costs a fifth of a millisecond, whatever the size
-    return with_cells(grid, edges, log_mass - np.logaddexp.reduce(log_mass))
-
-
 def with_cells(grid: Grid, edges: FloatArray, log_weight: FloatArray) -> Grid:
-    """Return the grid with other cells of known weight."""
+    """Return the grid with other cells of known weight, nodes in their middle."""
     return replace(grid, points=edges.mean(axis=2), edges=edges, log_weight=log_weight)
 
 

@@ -19,13 +19,13 @@ from hybridsurrogate.inference.evidence.grid import Grid
 from hybridsurrogate.inference.evidence.settings import SETTINGS
 from hybridsurrogate.model.context import disjoint_moves, single_moves
 from hybridsurrogate.model.observation import MeasuredModel
-from hybridsurrogate.model.statistics import EmulatorPosterior
+from hybridsurrogate.model.statistics import ROUNDING, EmulatorPosterior
 from hybridsurrogate.priors import to_normal
 from hybridsurrogate.types import FloatArray
 
 # places far away: along a size, how far these reach in standard deviations of the prior, and
-# besides; how many are followed, how much better (minus twice the log posterior) one has to be
-_ON_LINE, _REACH, _WIDE, _FOLLOWED, _WORTH_FOLLOWING = 49, 2.4, 400, 16, 2.0
+# besides; how much better (minus twice the log posterior) one has to be
+_ON_LINE, _REACH, _WIDE, _WORTH_FOLLOWING = 49, 2.4, 400, 2.0
 
 
 def is_followed(cause: Cause) -> bool:
@@ -72,7 +72,9 @@ def best_of_spread(
     z = np.random.RandomState(0).standard_normal((_WIDE, model.n_unknowns))
     residual = _Residual(model, X, y, emulator, floor)
     value = residual.deviance(residual(z), z)
-    best = _descend(residual, z[np.argsort(value)[:_FOLLOWED]], np.arange(model.n_unknowns))
+    best = _descend(
+        residual, z[np.argsort(value)[: SETTINGS.nodes_followed]], np.arange(model.n_unknowns)
+    )
     return best, float(np.sqrt(residual.variance(residual(best[None]))[0]))
 
 
@@ -116,15 +118,11 @@ def best_of_global_starts(
     is_rough = np.count_nonzero(inner) > 1
     if len(grid.nodes) and not is_rough:
         return None  # nodes are enumerated, and sizes are followed from each
-    wide, most = _WIDE if is_rough else _ON_LINE, _FOLLOWED
-    if is_rough and model.basis.is_quick:
-        wide = int(np.clip(SETTINGS.population_rows // len(y), _WIDE, SETTINGS.widest_population))
-        most = SETTINGS.followed_of_many
-    spread = _spread(model, grid, line[0], wide)
+    spread = _spread(model, grid, line[0], _WIDE if is_rough else _ON_LINE)
     z = np.vstack([known, line, spread])
     value = np.concatenate([deviance(known[None]), along, deviance(spread)])
     if is_rough:
-        followed = z[np.argsort(value)[:most]]
+        followed = z[np.argsort(value)[: SETTINGS.nodes_followed]]
         end = _descend(residual, followed, np.concatenate([grid.fixed, grid.sizes, grid.nodes]))
         z, value = np.vstack([z, end]), np.append(value, deviance(end[None]))
     best = int(np.argmin(value))
@@ -153,8 +151,8 @@ def _starts(model: MeasuredModel, grid: Grid, centre: FloatArray) -> FloatArray:
     T, k = len(grid.points), len(grid.sizes)
     most = min(T, SETTINGS.nodes_followed * 2 ** max(k - 1, 0))
     chosen = np.unique(np.linspace(0, T - 1, most).round().astype(int))
-    # of a cause without sizes one row without columns
-    moves = np.array(list(product([-SETTINGS.size_start, SETTINGS.size_start], repeat=k)))
+    # one standard deviation to either side; of a cause without sizes one row without columns
+    moves = np.array(list(product([-1.0, 1.0], repeat=k)))
     base = grid.neutral.copy()
     base[: len(centre)] = centre
     z = np.tile(base, (len(chosen), len(moves), 1))
@@ -189,8 +187,8 @@ class _Residual:
             right = np.einsum("jnq,jn->jq", columns, residual)
             fitted = np.linalg.solve(normal, right[..., None])
             residual = residual - (columns @ fitted)[..., 0]
-        # solutions that run away are finite for a while
-        most = SETTINGS.failed_residual * max(self.floor, float(np.ptp(self.y)))
+        # where the simulation fails, or runs away, which is finite for a while
+        most = max(self.floor, float(np.ptp(self.y))) / ROUNDING
         return np.where(np.abs(residual) < most, residual, most)
 
     def with_slopes(self, z: FloatArray, place: NDArray[np.intp]) -> tuple[FloatArray, FloatArray]:

@@ -237,12 +237,6 @@ def _noise_at_nodes(
     return None if noise.shape[1] == 1 else noise
 
 
-def _outliers_at_nodes(model: MeasuredModel, grid: Grid, z: FloatArray) -> FloatArray | None:
-    if not any("outliers" in effect.acts_on for effect in model.effects):
-        return None
-    return model.outlier_share(_values_at_nodes(model, grid, z))
-
-
 class _Slopes(NamedTuple):
     """The simulation around a point: mean (M, n), slopes (M, D, n); output (n,) and U at one node.
 
@@ -408,7 +402,7 @@ def is_long(model: MeasuredModel, X: FloatArray, grid: Grid) -> bool:
     """
     if not len(grid.nodes) or model.effects[-1].touches_simulation:
         return False
-    if "noise" in model.effects[-1].acts_on or "outliers" in model.effects[-1].acts_on:
+    if {"noise", "outliers"} & set(model.effects[-1].acts_on):
         return False
     return len(grid.points) * _numbers(model, X) > _MOST_KEPT
 
@@ -450,7 +444,9 @@ def _linearise(
         rms = np.concatenate([rms, columns.rms], axis=1)
         cap = np.concatenate([cap, np.full(columns.rms.shape, np.inf)], axis=1)
     noise = _noise_at_nodes(model, X, grid, z, emulator.mean, around.output)
-    outliers = _outliers_at_nodes(model, grid, z)
+    outliers = None
+    if any("outliers" in effect.acts_on for effect in model.effects):
+        outliers = model.outlier_share(_values_at_nodes(model, grid, z))
     log_weight = grid.log_weight + _odds_of_places(model, grid, H)
     return Linearised(around.mean, G, H, rms, cap, U, log_weight, noise, outliers)
 

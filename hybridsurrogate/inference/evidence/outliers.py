@@ -80,7 +80,7 @@ def find_mode(
     sigma: FloatArray = np.maximum(np.std(residual, axis=1), 1e-300)
     v: FloatArray = np.zeros((len(share), k))
     rest = residual
-    for step in range(SETTINGS.outlier_steps):
+    for step in range(SETTINGS.optimiser_steps):
         if k:
             normal = transposed @ (weight[..., None] * D)
             right = (transposed @ (weight * residual)[..., None])[..., 0]

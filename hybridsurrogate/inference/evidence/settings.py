@@ -27,11 +27,12 @@ class SearchSettings:
     lengths_with_process : int
         Groups of neighbouring lengths of a process, each of one evidence, where it is compared
         with another process in addition: 24 of 94 change its evidence by 0.02.
-    behind, behind_nearby, pruned_nearby : float
+    behind, behind_nearby : float
         A cause so far behind the best one, prior odds included, is not refined: after a first
-        optimisation, or from where that in other rows ended. So far behind in all rows it is not
-        compared in some of them, nor is a pair of causes. With four nats for pairs, or without
-        those not tried in all rows, 2 of 9 cases chose otherwise beyond the data, both worse.
+        optimisation, or from where that in other rows ended. A pair so far behind the best pair
+        gets no joint refit. What is so far behind in all rows is not compared in some of them: with
+        four nats for pairs, or without those not tried in all rows, 2 of 9 cases chose otherwise
+        beyond the data, both worse.
     exact_fit : float
         A fit this many times closer than without the cause is as good as exact.
     displaced : float
@@ -57,16 +58,13 @@ class SearchSettings:
     nodes_followed : int
         Nodes that are followed where each needs runs of the simulation.
     within_reach, most_scored : float, int
-        What the screening may be off by where causes are scored by importance sampling, and causes
-        scored at most.
+        What the screening may be off by: so far behind the best a cause is not scored by importance
+        sampling, and a second one gets no joint refit. And causes scored at most.
     looked_ahead : int
         First causes for which the best second causes are searched.
-    beyond_doubt : float
-        A cause of this probability without residual structure is not compared with others again.
-    pair_pruned, second_cause_behind, most_second_causes : float, float, int
-        A pair further behind the best pair, or a second cause further behind the best one, gets no
-        joint refit; and how many second causes get one. Joint refits name both of 77 instead of
-        69 % of pairs (48 of size 2, 80 rows).
+    most_second_causes : int
+        Second causes that get a joint refit. These name both of 77 instead of 69 % of pairs (48 of
+        size 2, 80 rows).
     turns, worth_a_turn : int, float
         Turns in which each of two causes is placed once, and the gain that is worth another.
     backfitting_rounds : int
@@ -76,24 +74,19 @@ class SearchSettings:
     same_mode : int
         Cells to either side of the best node that belong to the same mode.
     set_mass, named : float
-        Probability of the reported set of kinds, and from which one cause is named: three times
-        as probable as all alternatives together.
-    furthest_place, size_start, longest_step : float
-        Of unknowns when a cause is optimised, in prior standard deviations: the furthest place, how
-        far a size that changes something is moved at the start, to either side, and the longest
-        step.
+        Probability of the reported set of kinds (a cause that has it alone, without residual
+        structure, is not compared with others again), and from which one cause is named: three
+        times as probable as all alternatives together.
+    furthest_place, longest_step : float
+        Of unknowns when a cause is optimised, in prior standard deviations: the furthest place and
+        the longest step.
     optimiser_steps, steps_a_round : int
-        Levenberg-Marquardt steps, and steps between two halvings of the places that are followed.
+        Steps of Levenberg-Marquardt or, with outliers, of EM; and steps between two halvings of the
+        places that are followed.
     stuck : float
         Damping at which no step is short enough to gain.
-    widest_population, population_rows, followed_of_many : int
-        Starting places of an optimisation at most, rows of their outputs at most, and places
-        followed where a run is quick and rows are few.
-    failed_residual : float
-        Residual of a place where the simulation fails, in scales of the output.
-    outlier_steps, outlier_converged : int, float
-        Steps of EM to the mode with outliers, and the relative move of the noise at which it has
-        arrived.
+    outlier_converged : float
+        Relative move of the noise at which EM has arrived at the mode with outliers.
     outlier_newton : float
         EM is cut off: what a last Newton step may promise at most.
     outlier_least_curvature, outlier_longest_step : float
@@ -114,7 +107,6 @@ class SearchSettings:
     lengths_with_process: int = 24
     behind: float = 12.0
     behind_nearby: float = 4.0
-    pruned_nearby: float = 12.0
     exact_fit: float = 1e-3
     displaced: float = 2.0
     looked_between: int = 8
@@ -134,9 +126,6 @@ class SearchSettings:
     within_reach: float = 8.0
     most_scored: int = 12
     looked_ahead: int = 4
-    beyond_doubt: float = 0.9
-    pair_pruned: float = 12.0
-    second_cause_behind: float = 8.0
     most_second_causes: int = 6
     turns: int = 3
     worth_a_turn: float = 0.3
@@ -145,16 +134,10 @@ class SearchSettings:
     set_mass: float = 0.9
     named: float = 0.75
     furthest_place: float = 6.0
-    size_start: float = 1.0
     longest_step: float = 1.5
     optimiser_steps: int = 25
     steps_a_round: int = 2
     stuck: float = 1e6
-    widest_population: int = 8000
-    population_rows: int = 800_000
-    followed_of_many: int = 32
-    failed_residual: float = 1e6
-    outlier_steps: int = 25
     outlier_converged: float = 3e-3
     outlier_newton: float = 1.0
     outlier_least_curvature: float = 0.3

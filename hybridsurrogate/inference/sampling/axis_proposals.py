@@ -49,8 +49,7 @@ class Ridge:
     def is_on(self, u: FloatArray) -> bool:
         """Return whether a point u (d,) is on the curve, within the scatter of the others."""
         v = 2 * u - self.points(u[None])[0]
-        v[self.position] = self.approximation.mean[self.position]
-        return len(distinct([self.approximation, replace(self.approximation, mean=v)])) == 1
+        return _differs_along(self.approximation, v, self.position)
 
     def points(self, v: FloatArray) -> FloatArray:
         """Return the points u (J, d) of straight coordinates v (J, d)."""
@@ -188,9 +187,9 @@ def _climbed(target: Target, position: int, s: FloatArray, others: FloatArray) -
         return target.search_density(np.insert(points, position, held[which], axis=1))
 
     if finite.any():
-        steps = target.step_share, SETTINGS.mode_steps, False, target.model.least_step
+        share, least = target.step_share, target.model.least_step
         x[finite], value[finite], hessian[finite] = optimise_density(
-            along, x[finite], value[finite], *steps
+            along, x[finite], value[finite], share, least_step=least
         )
     value[~finite] = -np.inf
     return [_Node(*one) for one in zip(s.tolist(), x, value.tolist(), hessian, strict=True)]
@@ -216,7 +215,10 @@ def with_lines(target: Target, modes: list[Gaussian]) -> list[Line]:
     out: list[Line] = []
     places = enumerated(target.model)
     for mode in modes:
-        if not any(_is_on(line, mode) for line in out):
+        if not any(
+            line.position is not None and _differs_along(line.mode, mode.mean, line.position)
+            for line in out
+        ):
             out.append(_line(target, mode, places))
     return out
 
@@ -339,7 +341,7 @@ def _bins(
     spread = np.maximum(SETTINGS.bin_sd * np.diff(at), 1e-6 * (at[-1] - at[0]))
     volume = np.log(np.diagonal(rest_factor) * width).sum(axis=1)
     mass = value + np.log(spread / SETTINGS.bin_sd) + volume + 0.5 * len(rest) * np.log(2 * np.pi)
-    mass = np.maximum(mass, special.logsumexp(mass) + np.log(SETTINGS.bin_least_mass))
+    mass = np.maximum(mass, special.logsumexp(mass) + np.log(SETTINGS.least_share))
     factors = np.zeros((SETTINGS.bins, *mode.factor.shape))
     factors[:, position, position] = spread
     factors[np.ix_(np.arange(SETTINGS.bins), others, others)] = rest_factor * width[:, None, :]
@@ -395,10 +397,8 @@ def _followed(
     return points, value, curvature**-0.5
 
 
-def _is_on(line: Line, mode: Gaussian) -> bool:
-    """Return whether a mode differs from that of a line only along it."""
-    if line.position is None:
-        return False
-    mean = mode.mean.copy()
-    mean[line.position] = line.mode.mean[line.position]
-    return len(distinct([line.mode, replace(mode, mean=mean)])) == 1
+def _differs_along(mode: Gaussian, mean: FloatArray, position: int) -> bool:
+    """Return whether a place differs from a mode only along one unknown, within its scatter."""
+    mean = mean.copy()
+    mean[position] = mode.mean[position]
+    return len(distinct([mode, replace(mode, mean=mean)])) == 1

@@ -265,12 +265,12 @@ def importance_draws(
         khat = max(khats)
         weight = np.exp(smoothed - special.logsumexp(smoothed))
         effective = float(1 / np.sum(weight**2))
-        enough = effective >= 0.1 * n_proposals
+        enough = effective >= SETTINGS.enough_effective * n_proposals
         if (enough and khat <= good) or round_ == max_rounds - 1:
             break
         shaping = balanced(smoothed, cells, np.asarray(khats) > good, shaped.shape[1])
         components = matched(shaped, shaping, components)
-        if len(components) <= SETTINGS.most_sliced:
+        if len(components) <= SETTINGS.slices:
             components = [*components, *slices(shaped, shaping, components)]
         if n_noise:
             noise = points[:, -n_noise:]

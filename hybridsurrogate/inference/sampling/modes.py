@@ -19,13 +19,14 @@ from hybridsurrogate.inference.evidence.levenberg_marquardt import (
     best_of_spread,
 )
 from hybridsurrogate.inference.evidence.marginal_likelihood import optimise, shortened
+from hybridsurrogate.inference.evidence.settings import SETTINGS as EVIDENCE
 from hybridsurrogate.inference.sampling.settings import SETTINGS
 from hybridsurrogate.model.statistics import ROUNDING, emulator_posterior
 from hybridsurrogate.priors import to_normal
 from hybridsurrogate.types import FloatArray
 
 # places along one parameter, in standard normal coordinates: beyond, no prior has mass
-_LINE = np.linspace(-6.5, 6.5, 41)
+_LINE = np.linspace(-SETTINGS.prior_end, SETTINGS.prior_end, 41)
 _SPACING = _LINE[1] - _LINE[0]
 
 
@@ -54,7 +55,7 @@ def starting_points(
         before_it, z = z, np.concatenate([z, grid.neutral[len(z) :]])
         rows = partial, target.X, target.y, emulator
         grid = shortened(*rows, grid, z, sigma, size)
-        for round_ in range(SETTINGS.noise_refits):
+        for round_ in range(EVIDENCE.looks):
             mode = optimise(*rows, grid, z, sigma, size)
             z = mode.z.copy()
             if not round_:
@@ -202,7 +203,7 @@ def find_modes(
         return log_density(points)
 
     x, value, hessian = optimise_density(
-        any_start, x[alive], value[alive], step_share, SETTINGS.mode_steps, True, least_step
+        any_start, x[alive], value[alive], step_share, prune=True, least_step=least_step
     )
     if np.spacing(np.abs(value.max())) > SETTINGS.mode_rounding:
         raise ValueError(
@@ -217,9 +218,9 @@ def optimise_density(
     log_density: PairLogDensity,
     x: FloatArray,
     value: FloatArray,
-    step_share: float,
-    max_iter: int,
-    prune: bool,
+    step_share: float = 0.1,
+    max_iter: int = SETTINGS.mode_steps,
+    prune: bool = False,
     least_step: float = 0.0,
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Climb from every start x (S, d) at once; return ends, their log densities and Hessians.

@@ -30,11 +30,12 @@ class SamplingSettings:
     good_khat : float
         Rounds of adaptation stop here. Around bends up to 6.5 % of draws lie beyond an end that
         should leave 5 % where they stop at 0.5, up to 5.7 % at 0.3.
-    fewest_near, most_sliced, slices : int
-        Fewer points near a mode do not estimate it; with more proposals none is sliced; slices.
+    fewest_near, slices : int
+        Fewer points near a mode do not estimate it; of so many proposals each is cut into as many
+        slices, of more none.
     least_share, least_proposed : float
-        A proposal with less of the weight stays where it is; each has at least this share of the
-        points.
+        A proposal with less of the weight stays where it is, and counts as if it had that; each has
+        at least this share of the points.
     shaping : float
         Effective points, for each dimension, from which a proposal is shaped.
     proposal_halvings : int
@@ -45,18 +46,17 @@ class SamplingSettings:
         Along a line: windows around the mode, each twice as wide as the one before.
     far_from_normal : float
         Total variation distance from which on a normal is a poor proposal along a line.
-    bins, bin_least_mass, bin_sd : int, float, float
-        Of a piecewise proposal; a bin with less mass is proposed as often as one that has it; the
-        standard deviation of its proposal in widths.
+    bins, bin_sd : int, float
+        Of a piecewise proposal; the standard deviation of a bin's in widths.
     even_points : int
         Points evenly over the prior of a line, about as close as rows are.
     steep, line_deep, line_halvings : float, float, int
         Between two points whose log densities differ by more, none far below the best, is a third.
     followed_nodes, following_steps : int
         Nodes from which the other unknowns are followed first, and steps uphill in them.
-    max_starts, noise_refits, converged_noise : int, int, float
-        Starts of a search for modes; fits repeated with their estimated noise; and the change, as a
-        share, at which it has converged.
+    max_starts, converged_noise : int, float
+        Starts of a search for modes; and the change of the noise, as a share, at which fits that
+        are repeated with their estimated noise have converged.
     mode_steps, mode_rounding : int, float
         Steps to a mode; log densities that differ by less are equal.
     max_transforms, enough_matched : int, float
@@ -79,7 +79,7 @@ class SamplingSettings:
     prior_reach, node_change : float
         The grid over the prior of a parameter, and the change of the log density from a node to a
         point of its cell at which cells are as wide as two standard deviations of the posterior.
-    proposals_each, follow_share, follow_steps : int, float, int
+    proposals_each, follow_steps : int
         Given each parameter: proposals, and steps to the mode of those with enough of the weight.
     nodes_together : int
         The fewest nodes whose matrices are worked on together.
@@ -112,7 +112,6 @@ class SamplingSettings:
     evidence_starts: int = 2
     good_khat: float = 0.3
     fewest_near: int = 25
-    most_sliced: int = 4
     slices: int = 4
     least_share: float = 1e-3
     least_proposed: float = 0.05
@@ -123,7 +122,6 @@ class SamplingSettings:
     window_points: int = 33
     far_from_normal: float = 0.25
     bins: int = 40
-    bin_least_mass: float = 1e-3
     bin_sd: float = 0.6
     even_points: int = 256
     steep: float = 0.5
@@ -132,7 +130,6 @@ class SamplingSettings:
     followed_nodes: int = 64
     following_steps: int = 4
     max_starts: int = 5
-    noise_refits: int = 5
     converged_noise: float = 0.7
     mode_steps: int = 40
     mode_rounding: float = 1e-2
@@ -150,7 +147,6 @@ class SamplingSettings:
     prior_reach: float = 7.0
     node_change: float = 0.5
     proposals_each: int = 60
-    follow_share: float = 0.1
     follow_steps: int = 20
     nodes_together: int = 50
     output_left_out: float = 3e-3

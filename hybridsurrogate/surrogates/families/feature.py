@@ -17,10 +17,8 @@ from sklearn.preprocessing import PolynomialFeatures
 from hybridsurrogate.exceptions import did_you_mean
 from hybridsurrogate.priors import check_prior
 from hybridsurrogate.surrogates.basis import Basis, Domain, Surrogate, register
-from hybridsurrogate.surrogates.families.polynomial_chaos import PolynomialChaos
+from hybridsurrogate.surrogates.families.polynomial_chaos import RELATIVE_SD, PolynomialChaos
 from hybridsurrogate.types import FloatArray, Prior
-
-_DEFAULT_RELATIVE_SD = 5.0
 
 
 class FeatureSurrogate(Surrogate):
@@ -84,13 +82,13 @@ class FeatureSurrogate(Surrogate):
         features = _transformed(transformer, points, None)
         size = np.sqrt(np.mean(features**2, axis=0))
         mean = np.zeros(features.shape[1])
-        sd = _DEFAULT_RELATIVE_SD * domain.scale / np.where(size > 0, size, 1.0)
+        sd = RELATIVE_SD * domain.scale / np.where(size > 0, size, 1.0)
         if self.coefficient_prior is not None:
             prior = check_prior(self.coefficient_prior, "coefficient_prior")
             mean[:], sd[:] = float(prior.mean()), float(prior.std())
         return _FeatureBasis(
             np.append(0.0, mean),
-            np.append(_DEFAULT_RELATIVE_SD * domain.scale, sd),
+            np.append(RELATIVE_SD * domain.scale, sd),
             domain,
             transformer,
         )

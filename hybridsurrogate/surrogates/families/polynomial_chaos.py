@@ -16,7 +16,7 @@ from hybridsurrogate.types import FloatArray, Prior
 
 # scale-aware default: five times the spread of the outputs, as N(0, 5) is for the published
 # case studies, whose outputs have a spread of about one
-_DEFAULT_RELATIVE_SD = 5.0
+RELATIVE_SD = 5.0
 # a fit holds several matrices of terms x terms: of 10,000 terms each has 0.8 GB
 _MOST_TERMS = 10_000
 # of the powers of a sparse expansion: products of many inputs need a low degree in each
@@ -79,7 +79,7 @@ class PolynomialChaos(Surrogate):
             powers = _few_terms(powers, int(self.degree), domain, ranges)
         if self.coefficient_prior is None:
             mean = np.zeros(len(powers))
-            sd = np.full(len(powers), _DEFAULT_RELATIVE_SD * domain.scale)
+            sd = np.full(len(powers), RELATIVE_SD * domain.scale)
             # not as the intercept's prior mean: a large offset would cost the digits of the rest
             location = domain.location
         else:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from itertools import pairwise
 from typing import Any
 
@@ -55,7 +55,7 @@ def _of_one(domain: Domain, at: int, k: int) -> Domain:
         input_ranges=np.delete(domain.input_ranges, at, axis=0),
         location=float(np.mean(eta)),
         scale=sd if sd > 0 else domain.scale,
-        simulate=None if domain.simulate is None else _One(domain.simulate, at, k),
+        simulate=domain.simulate and partial(_simulated, domain.simulate, at, k),
         X=np.delete(domain.X[here], at, axis=1),
         omega=domain.omega[here],
         eta=eta,
@@ -63,15 +63,9 @@ def _of_one(domain: Domain, at: int, k: int) -> Domain:
     )
 
 
-class _One:
-    """The simulation of one output."""
-
-    def __init__(self, simulate: Any, at: int, k: int) -> None:
-        self.simulate, self.at, self.k = simulate, at, k
-
-    def __call__(self, X: FloatArray, omega: FloatArray) -> FloatArray:
-        out: FloatArray = self.simulate(np.insert(X, self.at, float(self.k), axis=1), omega)
-        return out
+def _simulated(simulate: Any, at: int, k: int, X: FloatArray, omega: FloatArray) -> Any:
+    """Return one output of the simulation."""
+    return simulate(np.insert(X, at, float(k), axis=1), omega)
 
 
 @dataclass(frozen=True)
@@ -111,11 +105,7 @@ class StackedBasis(Basis):
 
     def between(self, X: FloatArray) -> FloatArray:
         """Return each row's error between the places of runs that are curves."""
-
-        def between(k: int, rows: NDArray[np.intp], inputs: FloatArray) -> FloatArray:
-            return self.bases[k].between(inputs)
-
-        return self._row_by_row(X, between)
+        return self._row_by_row(X, lambda k, rows, inputs: self.bases[k].between(inputs))
 
     @property
     def with_features(self) -> Basis | None:
@@ -158,12 +148,8 @@ class StackedBasis(Basis):
         each = [one.factor(hyper[:, own]) for one, own in zip(self.bases, self._hyper, strict=True)]
         if all(one is None for one in each):
             return None
-        blocks = [
-            np.repeat(np.diag(basis.coefficient_sd)[None], len(hyper), axis=0)
-            if one is None
-            else one
-            for one, basis in zip(each, self.bases, strict=True)
-        ]
+        plain = (np.repeat(np.diag(one.coefficient_sd)[None], len(hyper), 0) for one in self.bases)
+        blocks = [a if b is None else b for a, b in zip(plain, each, strict=True)]
         return np.array([block_diag(*some) for some in zip(*blocks, strict=True)])
 
     def given(self, hyper: FloatArray) -> Basis:
