@@ -10,6 +10,7 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
+import pandas as pd
 from joblib import parallel_config
 from sklearn.base import clone
 
@@ -174,15 +175,15 @@ class InterruptedDiagnosis(KeyboardInterrupt):
         What a warning says of it.
     """
 
-    def __init__(self, search: Search | None, prepared: Prepared) -> None:
+    def __init__(
+        self, search: Search | None, causes: pd.DataFrame | None, prepared: Prepared
+    ) -> None:
         super().__init__("the diagnosis was interrupted")
-        self.search, self.causes, n = search, None, 0
-        if search is not None:
+        n = 0 if search is None else len(search.candidates) - 1
+        if search is not None and causes is None:
             left = not_reached(search, prepared.causes)
-            self.causes, n = (
-                cause_table(search, [*left, *prepared.skipped]),
-                len(search.candidates) - 1,
-            )
+            causes = cause_table(search, [*left, *prepared.skipped])
+        self.search, self.causes = search, causes
         self.sentence = (
             f"The diagnosis was interrupted: {n} of {len(prepared.causes)} causes had been compared"
             f"{', and causes_ lists them' if n else ''}. There is no gain, and no report."
@@ -227,6 +228,7 @@ def diagnose(
     warn_if_slow(problem, settings.cv)
     warn_if_rough(problem)
     steps: list[SearchStep] = []
+    causes: pd.DataFrame | None = None
     try:
         with one_blas_thread(), doing("Search", settings.progress):
             steps, known = compare(prepared, before, settings, random)
@@ -250,7 +252,7 @@ def diagnose(
         cautions += cautions_of_rounding(before.likelihood_, check)
     except KeyboardInterrupt as stop:
         search = steps[0].search if steps else getattr(stop, "kept", None)
-        raise InterruptedDiagnosis(search, prepared) from stop
+        raise InterruptedDiagnosis(search, causes, prepared) from stop
     finally:
         for one in cautions:
             warnings.warn(one.sentence, DiagnosisWarning, stacklevel=3)

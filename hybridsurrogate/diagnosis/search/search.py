@@ -443,10 +443,7 @@ def measured_and_other(
 def _at_node(result: Search, w: Candidate, X: FloatArray, node: int) -> Linearised:
     grid = w.fit.grid
     if len(grid.nodes):
-        index = slice(node, node + 1)
-        grid = replace(
-            grid, points=grid.points[index], edges=grid.edges[index], log_weight=np.zeros(1)
-        )
+        grid = replace(grid.at(np.array([node])), log_weight=np.zeros(1))
     return linearise(w.fit.model, X, result.context.emulator, grid, w.fit.mode.z)
 
 

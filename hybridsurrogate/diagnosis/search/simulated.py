@@ -481,11 +481,7 @@ def size_at(sizes: FloatArray, rate: FloatArray, power: float) -> float:
     return float(np.exp(size[k - 1] + share * (size[k] - size[k - 1])))
 
 
-# share of the data sets in which a fault has to show
-_POWER = 0.9
-
-
-def smallest_detectable(result: Search, test: NullTest | None, rate: float) -> float | None:
+def smallest_detectable(result: Search, test: NullTest, rate: float) -> float | None:
     """Return the root mean square of the smallest fault that would have been detected.
 
     A fault of some size shows where the p-value of the whole search is at most ``rate`` in nine of
@@ -496,7 +492,7 @@ def smallest_detectable(result: Search, test: NullTest | None, rate: float) -> f
     ----------
     result : Search
         The first one.
-    test : NullTest or None
+    test : NullTest
         Of the same search.
     rate : float
         False alarm rate.
@@ -507,18 +503,13 @@ def smallest_detectable(result: Search, test: NullTest | None, rate: float) -> f
         On the scale of eta. None where rows do not vary along an input, or no such fault up to 16
         times the residual and the emulator's error shows.
     """
-    if test is None:
-        return None
     limit = float(np.quantile(test.replicates, 1 - rate, method="higher"))
-    sizes, statistic = test.faults or faults_of(result)
+    sizes, statistic = faults_of(result)
     if not len(statistic):
         return None
-    return _median_size(np.mean(statistic > limit, axis=2), sizes)
-
-
-def _median_size(power: FloatArray, sizes: FloatArray) -> float | None:
-    """Return the median over shapes of the size from which on all larger ones show."""
-    enough = np.flip(np.cumprod(np.flip(power >= _POWER, axis=1), axis=1), axis=1).astype(bool)
+    enough = np.mean(statistic > limit, axis=2) >= POWER
+    # the size from which on all larger ones show
+    enough = np.flip(np.cumprod(np.flip(enough, axis=1), axis=1), axis=1).astype(bool)
     least = np.where(enough.any(axis=1), sizes[np.argmax(enough, axis=1)], np.inf)
     median = float(np.sort(least)[(len(least) - 1) // 2])
     return median if np.isfinite(median) else None
