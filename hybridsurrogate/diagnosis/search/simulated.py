@@ -235,27 +235,13 @@ def _shapes(
     return Shapes(curves, factors, smallest, largest, weight * valid, False)
 
 
-class Hidden(NamedTuple):
-    """Data sets with a cause of one kind and size.
-
-    Attributes
-    ----------
-    responses : ndarray of shape (m, n)
-    change : ndarray of shape (m,)
-        The largest change of a row without noise, on the scale of eta.
-    """
-
-    responses: FloatArray
-    change: FloatArray
-
-
 def hidden(
     place: Place,
     shapes: Sequence[tuple[Cause, Shapes]],
     size: float,
     m: int,
     random: np.random.RandomState,
-) -> Hidden | None:
+) -> tuple[FloatArray, FloatArray] | None:
     """Draw m data sets with a cause of a kind; None where none of its forms has this size.
 
     Parameters
@@ -266,6 +252,12 @@ def hidden(
     size : float
     m : int
     random : RandomState
+
+    Returns
+    -------
+    responses : ndarray of shape (m, n)
+    change : ndarray of shape (m,)
+        The largest change of a row without noise, on the scale of eta.
     """
     odds = prior_odds([cause for cause, _ in shapes])
     able = np.array([one.weight_at(size).any() for _, one in shapes])
@@ -282,7 +274,7 @@ def hidden(
             curves.append(both[0])
             factors.append(both[1])
     added, factor = np.concatenate(curves), np.concatenate(factors)
-    return Hidden(place.responses(added, factor, random), np.max(np.abs(added), axis=1))
+    return place.responses(added, factor, random), np.max(np.abs(added), axis=1)
 
 
 # the word for data sets in which nothing is wrong, or nothing is detected
@@ -426,7 +418,9 @@ def detectable(result: Search, test: NullTest, rate: float) -> pd.DataFrame:
         made = [(size, one) for size, one in drawn if one is not None]
         if not made:
             continue
-        evidence = log_evidence(place, own, np.concatenate([one.responses for _, one in made]))
+        evidence = log_evidence(
+            place, own, np.concatenate([responses for _, (responses, _) in made])
+        )
         better = np.max(evidence[:, 1:], axis=1) - evidence[:, 0] > limit
         odds = special.logsumexp(evidence[:, 1:] + prior[1:], axis=1) - evidence[:, 0] - prior[0]
         seen = (better & (odds >= 0)).reshape(len(made), _SETS)
