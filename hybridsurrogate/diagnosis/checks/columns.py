@@ -80,9 +80,18 @@ def check_usable_columns(
     ranges = simulation.input_ranges
     outputs = np.asarray(y, dtype=object).reshape(len(next(iter(columns.values()))), -1)
     for name, values in columns.items():
-        if name not in ranges:
-            _check_no_copy(name, values, outputs)
-    _check_spread(columns, ranges)
+        if name not in ranges and any(_copies(values, y) for y in outputs.T):
+            raise ValueError(
+                f"The column {name!r} is the output itself, or a linear function of it: drop it. "
+                "Whatever the simulation misses, such a column explains it."
+            )
+    if not any(np.ptp(values) > 0 for values in columns.values()):
+        place = ", ".join(f"{x} = {number(columns[x][0])}" for x in ranges if x in columns)
+        raise ValueError(
+            f"All {len(outputs)} measured rows have the same inputs, {place}. A diagnosis compares "
+            "the simulation with measurements along its inputs and needs a spread in one of them "
+            "at least: give the inputs at which each row was measured."
+        )
     _check_ranges(columns, ranges)
 
 
@@ -100,15 +109,11 @@ def _numbers(X: Any, simulation: SimulationData | Simulator) -> dict[str, FloatA
     return out
 
 
-def _check_no_copy(name: str, values: FloatArray, outputs: FloatArray) -> None:
-    for y in outputs.T:
-        numbers = np.asarray(pd.to_numeric(pd.Series(y), errors="coerce"), dtype=float)
-        there = np.isfinite(numbers)
-        if there.sum() > 2 and 1 - _likeness(values[there], numbers[there]) < SETTINGS.copied:
-            raise ValueError(
-                f"The column {name!r} is the output itself, or a linear function of it: drop it. "
-                "Whatever the simulation misses, such a column explains it."
-            )
+def _copies(values: FloatArray, y: Any) -> bool:
+    """Return whether values are a linear function of what was measured of an output."""
+    numbers = np.asarray(pd.to_numeric(pd.Series(y), errors="coerce"), dtype=float)
+    there = np.isfinite(numbers)
+    return there.sum() > 2 and 1 - _likeness(values[there], numbers[there]) < SETTINGS.copied
 
 
 def _likeness(a: FloatArray, b: FloatArray) -> float:
@@ -117,18 +122,6 @@ def _likeness(a: FloatArray, b: FloatArray) -> float:
         return 0.0
     a, b = a - a.mean(), b - b.mean()
     return float(abs(a @ b) / (np.linalg.norm(a) * np.linalg.norm(b)))
-
-
-def _check_spread(columns: Mapping[str, FloatArray], ranges: Ranges) -> None:
-    """Raise ValueError where no input has a spread, and no other column either."""
-    if any(np.ptp(values) > 0 for values in columns.values()):
-        return
-    place = ", ".join(f"{name} = {number(columns[name][0])}" for name in ranges if name in columns)
-    raise ValueError(
-        f"All {len(next(iter(columns.values())))} measured rows have the same inputs, {place}. "
-        "A diagnosis compares the simulation with measurements along its inputs and needs a spread "
-        "in one of them at least: give the inputs at which each row was measured."
-    )
 
 
 def _check_ranges(columns: Mapping[str, FloatArray], ranges: Ranges) -> None:

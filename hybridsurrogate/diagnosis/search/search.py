@@ -275,13 +275,10 @@ class Search:
     @property
     def credible_kinds(self) -> list[str]:
         """The kinds that together reach 90 % probability, most probable first."""
-        kinds, mass = [], 0.0
-        for kind, share in sorted(self.kind_shares.items(), key=lambda item: -item[1]):
-            kinds.append(kind)
-            mass += share
-            if mass >= SETTINGS.set_mass:
-                break
-        return kinds
+        ordered = sorted(self.kind_shares.items(), key=lambda item: -item[1])
+        mass = np.cumsum([share for _, share in ordered])
+        enough = int(np.searchsorted(mass, SETTINGS.set_mass)) + 1
+        return [kind for kind, _ in ordered[:enough]]
 
     def place_of(self, cause: Cause | None) -> int | None:
         """Return the position of a cause, None where it was not compared."""
