@@ -307,10 +307,7 @@ def compare_simulations(
 
 
 def _table(
-    names: Sequence[str],
-    evidence: FloatArray,
-    density: FloatArray,
-    diagnoses: Mapping[str, Any],
+    names: Sequence[str], evidence: FloatArray, density: FloatArray, diagnoses: Mapping[str, Any]
 ) -> pd.DataFrame:
     """Return the scores of each simulation, most probable first."""
     elpd = np.mean(density, axis=0)

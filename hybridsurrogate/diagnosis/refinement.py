@@ -15,11 +15,7 @@ from sklearn.utils import check_scalar
 
 from hybridsurrogate.arguments import check_n_jobs, described
 from hybridsurrogate.diagnosis.diagnosis import DiscrepancyDiagnosis
-from hybridsurrogate.exceptions import (
-    DiagnosisWarning,
-    FailedRunsWarning,
-    HybridSurrogateWarning,
-)
+from hybridsurrogate.exceptions import DiagnosisWarning, FailedRunsWarning, HybridSurrogateWarning
 from hybridsurrogate.simulation.simulator import SimulationData, Simulator
 from hybridsurrogate.simulation.table_file import RUN
 

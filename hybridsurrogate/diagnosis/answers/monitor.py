@@ -195,9 +195,7 @@ def joined(first: Rows, second: Rows) -> Rows:
 
 
 def _deviations(
-    models: Sequence[PowerScaledSurrogate],
-    shares: FloatArray,
-    new: Rows,
+    models: Sequence[PowerScaledSurrogate], shares: FloatArray, new: Rows
 ) -> tuple[FloatArray, int, FloatArray]:
     """Return the deviation of each measurement, and the rows after which the draws are used up.
 

@@ -39,11 +39,7 @@ from hybridsurrogate.diagnosis.checks.simulation import check_emulator, warn_if_
 from hybridsurrogate.diagnosis.fitting.result import Conclusion, DiagnosisResult, Extension
 from hybridsurrogate.diagnosis.fitting.verdict import concluded, contradicted
 from hybridsurrogate.diagnosis.search.context import blurred, on_working_rows
-from hybridsurrogate.diagnosis.search.forward_selection import (
-    SearchStep,
-    forward_search,
-    searches,
-)
+from hybridsurrogate.diagnosis.search.forward_selection import SearchStep, forward_search, searches
 from hybridsurrogate.diagnosis.search.search import Search
 from hybridsurrogate.diagnosis.search.setup import Prepared, prepare, trained_emulator
 from hybridsurrogate.diagnosis.validation.beta_scan import BetaScans
@@ -105,11 +101,7 @@ def with_gain(
 
 
 def extend(
-    before: Any,
-    steps: Sequence[SearchStep],
-    conclusion: Conclusion,
-    rows: Rows,
-    n_jobs: int | None,
+    before: Any, steps: Sequence[SearchStep], conclusion: Conclusion, rows: Rows, n_jobs: int | None
 ) -> Extension:
     """Return the model after, with a `ConfoundingWarning` of what the data cannot separate.
 
@@ -150,10 +142,7 @@ def extend(
 
 
 def _at_prior_end(
-    causes: Sequence[Cause],
-    before: Any,
-    found: PowerScaledSurrogate,
-    verdict: str,
+    causes: Sequence[Cause], before: Any, found: PowerScaledSurrogate, verdict: str
 ) -> tuple[AtPriorEnd, ...]:
     """Return what is at an end of its prior in the extended model, else in the calibrated."""
     replaced = {cause.replaces for cause in causes}

@@ -98,9 +98,7 @@ def prior_of(candidates: Sequence[Candidate]) -> FloatArray:
     return prior_odds([w.cause for w in candidates])
 
 
-def probabilities(
-    candidates: Sequence[Candidate],
-) -> tuple[FloatArray, FloatArray, FloatArray]:
+def probabilities(candidates: Sequence[Candidate]) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return the probability of each cause, of a remainder and of correlated noise given it."""
     parts = _alone_and_given(candidates)
     log_total = np.logaddexp.reduce(parts, axis=1)
@@ -116,9 +114,7 @@ def total_evidence(candidates: Sequence[Candidate]) -> FloatArray:
 
 
 def shares(
-    candidates: Sequence[Candidate],
-    probability: FloatArray,
-    group: Callable[[Candidate], str],
+    candidates: Sequence[Candidate], probability: FloatArray, group: Callable[[Candidate], str]
 ) -> dict[str, float]:
     """Return the probability of each group of candidates, given that something is wrong.
 

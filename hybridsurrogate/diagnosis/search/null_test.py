@@ -12,10 +12,7 @@ from hybridsurrogate.diagnosis.search.candidate import prior_of
 from hybridsurrogate.diagnosis.search.context import Fitted, SearchContext
 from hybridsurrogate.diagnosis.search.search import Search
 from hybridsurrogate.inference.evidence.grid import Grid, make_grid
-from hybridsurrogate.inference.evidence.linearised import (
-    is_long,
-    linearised_pieces,
-)
+from hybridsurrogate.inference.evidence.linearised import is_long, linearised_pieces
 from hybridsurrogate.inference.evidence.marginal_likelihood import scan
 from hybridsurrogate.model.observation import MeasuredModel
 from hybridsurrogate.simulation.outputs import OUTPUT

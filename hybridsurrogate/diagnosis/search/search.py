@@ -82,12 +82,7 @@ def best_modes(
     return fits, behind
 
 
-def _followed(
-    context: SearchContext,
-    model: MeasuredModel,
-    grid: Grid,
-    null: Fitted,
-) -> Fitted:
+def _followed(context: SearchContext, model: MeasuredModel, grid: Grid, null: Fitted) -> Fitted:
     """Fit a cause whose unknowns are all followed, from many starts."""
     X, y, emulator = context.problem.X, context.problem.y, context.emulator
     plain, floor = grid.followed(), SETTINGS.exact_fit * null.sigma
@@ -112,12 +107,7 @@ def _unchanged(
     return Fitted(model, grid, mode, other.sigma)
 
 
-def _once(
-    context: SearchContext,
-    model: MeasuredModel,
-    grid: Grid,
-    null: Fitted,
-) -> Fitted:
+def _once(context: SearchContext, model: MeasuredModel, grid: Grid, null: Fitted) -> Fitted:
     """Climb once, on the first grid."""
     starts, sigma = _starts(model, grid, null), null.sigma
     args = model, context.problem.X, context.problem.y, context.emulator
@@ -141,10 +131,7 @@ def _once(
 
 
 def _far_behind(
-    context: SearchContext,
-    fits: Sequence[Fitted],
-    log_prior: FloatArray,
-    margin: float,
+    context: SearchContext, fits: Sequence[Fitted], log_prior: FloatArray, margin: float
 ) -> FloatArray:
     """Return the log evidence of causes that are far behind; NaN for the others, failed or not.
 
@@ -171,10 +158,7 @@ def _far_behind(
 
 
 def _between_nodes(
-    context: SearchContext,
-    fit: Fitted,
-    nodes: FloatArray,
-    sizes: FloatArray,
+    context: SearchContext, fit: Fitted, nodes: FloatArray, sizes: FloatArray
 ) -> float:
     """Return how many nats more a finer grid around the best nodes reaches, not optimised."""
     density = nodes - fit.grid.log_weight
@@ -375,10 +359,7 @@ def _within_reach(nearby: Search, causes: Sequence[Cause]) -> NDArray[np.intp]:
 
 
 def _compare(
-    context: SearchContext,
-    causes: Sequence[Cause],
-    modes: Sequence[Fitted],
-    known: FloatArray,
+    context: SearchContext, causes: Sequence[Cause], modes: Sequence[Fitted], known: FloatArray
 ) -> Search:
     """Compare "nothing is wrong" and the first so many causes at their best fits.
 

@@ -26,10 +26,7 @@ from hybridsurrogate.inference.procedure import at_prior_ends
 from hybridsurrogate.model.context import check_effects
 from hybridsurrogate.model.posterior import Posterior
 from hybridsurrogate.model.problem import Problem
-from hybridsurrogate.model.statistics import (
-    EmulatorPosterior,
-    emulator_posterior,
-)
+from hybridsurrogate.model.statistics import EmulatorPosterior, emulator_posterior
 from hybridsurrogate.priors import to_normal
 from hybridsurrogate.simulation.arrays import is_whole
 from hybridsurrogate.simulation.simulator import SimulationData

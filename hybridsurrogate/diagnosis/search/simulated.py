@@ -192,11 +192,7 @@ def _drawn(model: MeasuredModel, grid: Grid, random: np.random.RandomState) -> G
 
 
 def _shapes(
-    place: Place,
-    cause: Cause,
-    parts: Linearised,
-    output: FloatArray,
-    random: np.random.RandomState,
+    place: Place, cause: Cause, parts: Linearised, output: FloatArray, random: np.random.RandomState
 ) -> Shapes:
     """Return shapes, one for each node, each with a random direction of its coefficients.
 
