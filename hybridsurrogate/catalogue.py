@@ -55,7 +55,8 @@ def catalogue(
         if one not in skipped and Skipped(form.kind, target, reason) not in skipped:
             skipped.append(one)
 
-    for form, cause in (*_built_in(context, excluded, own, alone), *map(_of_ones_own, extra)):
+    users = [(FORMS.get(cause.kind, Form(cause.kind, type(cause))), cause) for cause in extra]
+    for form, cause in (*_built_in(context, excluded, own, alone), *users):
         reason = _reason_to_skip(form, cause, context)
         if reason:
             skip(form, cause.target, reason)
@@ -83,12 +84,13 @@ def _of_outputs(
         here = [cause.inner for cause in inside if cause.output == name]
         own, missing = catalogue(of_output(context, position), [*here, *further], excluded, alone)
         for cause in own:
+            what = ""
             if "outliers" in cause.acts_on or cause.concerns == "data":
-                what = "outliers" if "outliers" in cause.acts_on else "single rows"
-                reason = f"{what} are not compared in one of several outputs"
-                missing.append(Skipped(cause.kind, cause.target, reason))
+                what = "outliers are" if "outliers" in cause.acts_on else "single rows are"
             elif "overdispersion" in cause.acts_on:
-                reason = "overdispersion is not compared in one of several outputs"
+                what = "overdispersion is"
+            if what:
+                reason = f"{what} not compared in one of several outputs"
                 missing.append(Skipped(cause.kind, cause.target, reason))
             elif "inputs" not in cause.acts_on:
                 causes.append(InOutput(cause, name, position, context.of_outputs[position].scale))
@@ -107,10 +109,6 @@ def _built_in(
             for cause in form.propose(context):
                 if (cause.kind, cause.variant, cause.target) not in own:
                     yield form, cause
-
-
-def _of_ones_own(cause: Cause) -> tuple[Form, Cause]:
-    return FORMS.get(cause.kind, Form(cause.kind, type(cause))), cause
 
 
 def _reason_to_skip(form: Form, cause: Cause, context: Context) -> str | None:

@@ -12,6 +12,7 @@ import numpy as np
 import pandas as pd
 from joblib import delayed
 from numpy.typing import ArrayLike, NDArray
+from scipy import special
 from sklearn.base import clone
 from sklearn.utils import check_consistent_length, check_random_state, check_scalar
 
@@ -56,24 +57,6 @@ def log_evidence(fitted: PowerScaledSurrogate) -> float:
     sizes = context.sizes([null])
     alone = Search.of(context, [Candidate(None, null, context.evidence(null, sizes))], sizes)
     return scored(at_best_noise(alone, False)).candidates[0].log_evidence
-
-
-def probabilities(evidence: FloatArray) -> FloatArray:
-    """Return the probability of each of several simulations, equally probable before.
-
-    Parameters
-    ----------
-    evidence : ndarray of shape (k,)
-        Log evidence.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> probabilities(np.log([3.0, 1.0])).round(3).tolist()
-    [0.75, 0.25]
-    """
-    weight = np.exp(evidence - np.max(evidence))
-    return np.asarray(weight / weight.sum())
 
 
 # gain in the mean log density of the mixture at which its weights have converged, and steps at most
@@ -190,11 +173,17 @@ def agreement(
         word: {name: _moments(one, X) for name, one in models.items()}
         for word, models in columns.items()
     }
+
+    def apart(one: tuple[FloatArray, FloatArray], other: tuple[FloatArray, FloatArray]) -> float:
+        gap, variance = one[0] - other[0], one[1] + other[1]
+        squares = np.divide(gap**2, variance, out=np.zeros_like(gap), where=variance > 0)
+        return float(np.sqrt(np.mean(squares)))
+
     rows = [
         {
             "first": one,
             "second": other,
-            **{word: _apart(known[one], known[other]) for word, known in moments.items()},
+            **{word: apart(known[one], known[other]) for word, known in moments.items()},
         }
         for one, other in combinations(before, 2)
     ]
@@ -205,12 +194,6 @@ def _moments(estimator: Any, X: ArrayLike) -> tuple[FloatArray, FloatArray]:
     """Return mean and variance of the noise-free predictions."""
     draws = estimator.sample_predictive_mean(X, n_draws=_DRAWS)
     return np.mean(draws, axis=0), np.var(draws, axis=0)
-
-
-def _apart(one: tuple[FloatArray, FloatArray], other: tuple[FloatArray, FloatArray]) -> float:
-    gap, variance = one[0] - other[0], one[1] + other[1]
-    squares = np.divide(gap**2, variance, out=np.zeros_like(gap), where=variance > 0)
-    return float(np.sqrt(np.mean(squares)))
 
 
 def compare_simulations(
@@ -324,10 +307,7 @@ def compare_simulations(
 
 
 def _table(
-    names: Sequence[str],
-    evidence: FloatArray,
-    density: FloatArray,
-    diagnoses: Mapping[str, Any],
+    names: Sequence[str], evidence: FloatArray, density: FloatArray, diagnoses: Mapping[str, Any]
 ) -> pd.DataFrame:
     """Return the scores of each simulation, most probable first."""
     elpd = np.mean(density, axis=0)
@@ -336,7 +316,7 @@ def _table(
     table = pd.DataFrame(
         {
             "log_evidence": evidence,
-            "probability": probabilities(evidence),
+            "probability": special.softmax(evidence),  # equally probable before
             "elpd": elpd,
             "difference": [one.difference for one in apart],
             "difference_error": [one.standard_error for one in apart],
@@ -363,7 +343,10 @@ def _named(estimators: Any) -> dict[str, PowerScaledSurrogate]:
     if isinstance(estimators, Mapping):
         models = {str(name): one for name, one in estimators.items()}
     elif isinstance(estimators, Sequence) and not isinstance(estimators, str):
-        words = [_name_of(one) for one in estimators]
+        simulators = [
+            getattr(getattr(one, "simulation", None), "simulator", None) for one in estimators
+        ]
+        words = [str(getattr(one, "name", "") or "simulation") for one in simulators]
         models = {
             word if words.count(word) == 1 else f"{word} {k + 1}": one
             for k, (word, one) in enumerate(zip(words, estimators, strict=True))
@@ -378,12 +361,6 @@ def _named(estimators: Any) -> dict[str, PowerScaledSurrogate]:
     if len(models) < 2:
         raise ValueError(f"There are at least two simulations to compare, got {len(models)}.")
     return models
-
-
-def _name_of(estimator: Any) -> str:
-    simulation = getattr(estimator, "simulation", None)
-    simulator = getattr(simulation, "simulator", None)
-    return str(getattr(simulator, "name", "") or "simulation")
 
 
 def _check_alike(models: Mapping[str, PowerScaledSurrogate], X: Any) -> None:

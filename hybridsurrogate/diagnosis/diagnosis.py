@@ -302,11 +302,7 @@ class DiscrepancyDiagnosis(RegressorMixin, BaseEstimator):
         return hasattr(self, "n_features_in_")
 
     def fit(
-        self,
-        X: ArrayLike,
-        y: ArrayLike,
-        sample_weight: ArrayLike | None = None,
-        y_err: Any = None,
+        self, X: ArrayLike, y: ArrayLike, sample_weight: ArrayLike | None = None, y_err: Any = None
     ) -> DiscrepancyDiagnosis:
         """Diagnose measured data.
 
@@ -693,11 +689,7 @@ class DiscrepancyDiagnosis(RegressorMixin, BaseEstimator):
         return self.extended_estimator_.predict(X, return_std=return_std, y_err=y_err)
 
     def score(
-        self,
-        X: ArrayLike,
-        y: ArrayLike,
-        sample_weight: ArrayLike | None = None,
-        y_err: Any = None,
+        self, X: ArrayLike, y: ArrayLike, sample_weight: ArrayLike | None = None, y_err: Any = None
     ) -> float:
         """Return the mean ELPD per row of the extended estimator.
 
@@ -714,9 +706,7 @@ class DiscrepancyDiagnosis(RegressorMixin, BaseEstimator):
         return self.extended_estimator_.score(X, y, sample_weight, y_err)
 
     def to_python(
-        self,
-        path: str | os.PathLike[str] | None = None,
-        units: Mapping[str, str] | None = None,
+        self, path: str | os.PathLike[str] | None = None, units: Mapping[str, str] | None = None
     ) -> str | None:
         """Write the extended model as a separate Python module, or return its source.
 

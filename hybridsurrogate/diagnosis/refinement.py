@@ -14,13 +14,8 @@ from sklearn.base import clone
 from sklearn.utils import check_scalar
 
 from hybridsurrogate.arguments import check_n_jobs, described
-from hybridsurrogate.diagnosis.checks.simulation import EmulatorCheck
 from hybridsurrogate.diagnosis.diagnosis import DiscrepancyDiagnosis
-from hybridsurrogate.exceptions import (
-    DiagnosisWarning,
-    FailedRunsWarning,
-    HybridSurrogateWarning,
-)
+from hybridsurrogate.exceptions import DiagnosisWarning, FailedRunsWarning, HybridSurrogateWarning
 from hybridsurrogate.simulation.simulator import SimulationData, Simulator
 from hybridsurrogate.simulation.table_file import RUN
 
@@ -136,8 +131,17 @@ def refine(
     current.refinement_ = pd.DataFrame(rounds)
     current.result_ = replace(current.result_, refinement=current.refinement_)
     if check is not None and not settled:
-        ended = _why_ended(check, int(budget), int(budget) - left, open_below)
-        warnings.warn(ended, DiagnosisWarning, stacklevel=2)
+        why, finer = f"The budget of {budget} further runs ended while they leave", ""
+        if check.needs_places:
+            spent = int(budget) - left
+            why = f"{spent} of {budget} further runs were made, and more would not help: they leave"
+            finer = f" {check.remedy}"
+        warnings.warn(
+            f"{why} the simulation open by {check.left_open:.1f} times the noise, above "
+            f"open_below={open_below:g}.{finer}",
+            DiagnosisWarning,
+            stacklevel=2,
+        )
     return current
 
 
@@ -155,18 +159,6 @@ def _runs_of(diagnosis: DiscrepancyDiagnosis) -> SimulationData:
             f"SimulationData, such as simulator.run(60, along=50), got {type(data).__name__}."
         )
     return data
-
-
-def _why_ended(check: EmulatorCheck, budget: int, spent: int, open_below: float) -> str:
-    """Return why runs ended while they leave more open than was asked for."""
-    why, finer = f"The budget of {budget} further runs ended while they leave", ""
-    if check.needs_places:
-        why = f"{spent} of {budget} further runs were made, and more would not help: they leave"
-        finer = f" {check.remedy}"
-    return (
-        f"{why} the simulation open by {check.left_open:.1f} times the noise, above "
-        f"open_below={open_below:g}.{finer}"
-    )
 
 
 def _round_of(diagnosis: DiscrepancyDiagnosis, n_runs: int) -> dict[str, Any]:

@@ -125,7 +125,8 @@ def _of_output(result: Search, cause: Cause | None, output: int) -> Discrepancy:
     grid = np.repeat(np.median(own, axis=0)[None], _N_GRID, axis=0)
     grid[:, k] = np.linspace(own[:, k].min(), own[:, k].max(), _N_GRID)
     # the size that the residuals themselves suggest, so that noise is not drawn as a curve
-    residual = (problem.y - _fitted(result))[here]
+    plain = predict_locally(result, result.candidates[0], problem.X)[0]
+    residual = (problem.y - plain)[here]
     size = float(np.clip(np.std(residual), result.sizes[0], result.sizes[-1]))
     measured, rows = measured_and_other(result, process, grid)
     local = local_posterior(result, process, measured, size)
@@ -134,14 +135,12 @@ def _of_output(result: Search, cause: Cause | None, output: int) -> Discrepancy:
     sd = np.sqrt(np.einsum("nk,kl,nl->n", H, local.covariance[rows.first :, rows.first :], H))
     first = measured.first
     simulated = measured.offset + measured.design[:, :first] @ local.mean[:first]
-    band = mean - _Z90 * sd, mean + _Z90 * sd
+    left, unit = (problem.y - simulated)[here], 1.0
     grid = grid[:, : len(problem.model.columns)]
-    left = (problem.y - simulated)[here]
-    if stacking is None:
-        return Discrepancy(grid, column, mean, *band, left)
-    unit = float(stacking.scale[output])
-    grid = np.delete(grid, stacking.at, axis=1)
-    low, high = band
+    if stacking is not None:
+        unit = float(stacking.scale[output])
+        grid = np.delete(grid, stacking.at, axis=1)
+    low, high = mean - _Z90 * sd, mean + _Z90 * sd
     return Discrepancy(grid, column, unit * mean, unit * low, unit * high, unit * left)
 
 
@@ -188,7 +187,3 @@ def shares_of_thirds(
             share, rows = float(square[inside].sum()), float(np.mean(inside))
             out.append(Third(name, low, high, share, rows))
     return out
-
-
-def _fitted(result: Search) -> FloatArray:
-    return predict_locally(result, result.candidates[0], result.problem.X)[0]

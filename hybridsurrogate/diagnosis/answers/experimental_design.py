@@ -248,10 +248,7 @@ def batch(result: Search, places: FloatArray, n: int, cost: FloatArray) -> list[
 
 
 def _seen(
-    odds: FloatArray,
-    blind: NDArray[Any],
-    true: NDArray[np.intp],
-    random: np.random.RandomState,
+    odds: FloatArray, blind: NDArray[Any], true: NDArray[np.intp], random: np.random.RandomState
 ) -> NDArray[np.intp]:
     """Return for each batch a component that predicts there, in proportion to its weight."""
     if not blind.any() or blind.all():

@@ -11,7 +11,6 @@ from hybridsurrogate.diagnosis.search.search import Search
 from hybridsurrogate.effects.base import Cause
 from hybridsurrogate.effects.dynamics.dynamic import Dynamic
 from hybridsurrogate.likelihoods import Likelihood
-from hybridsurrogate.model.observation import MeasuredModel
 from hybridsurrogate.model.problem import Problem
 from hybridsurrogate.simulation.simulator import Simulator
 from hybridsurrogate.types import FloatArray
@@ -28,28 +27,22 @@ def failures(result: Search) -> list[str]:
     Only a simulation that is run directly can fail; an emulator has learned from runs that
     worked.
     """
-    counts = [
-        _count(w.fit.model, result.problem.X)
-        if w.cause is None or w.cause.touches_simulation
-        else 0
-        for w in result.candidates
-    ]
-    return [
-        f"the simulation fails for {count} of {_TRIED} sets of parameters from the priors, which "
-        "count as impossible"
-        if count
-        else ""
-        for count in counts
-    ]
-
-
-def _count(model: MeasuredModel, X: FloatArray) -> int:
-    if not model.basis.is_simulation or not model.n_unknowns:
-        return 0
-    # a fixed spread, so that a table is reproducible
-    z = np.random.RandomState(0).standard_normal((_TRIED, model.n_unknowns))
-    known, _, _ = model.simulated(X, model.values(z))
-    return int(np.sum(~np.isfinite(known).all(axis=1)))
+    notes = []
+    for w in result.candidates:
+        model, failed = w.fit.model, 0
+        may_fail = model.basis.is_simulation and model.n_unknowns
+        if may_fail and (w.cause is None or w.cause.touches_simulation):
+            # a fixed spread, so that a table is reproducible
+            z = np.random.RandomState(0).standard_normal((_TRIED, model.n_unknowns))
+            known, _, _ = model.simulated(result.problem.X, model.values(z))
+            failed = int(np.sum(~np.isfinite(known).all(axis=1)))
+        notes.append(
+            f"the simulation fails for {failed} of {_TRIED} sets of parameters from the priors, "
+            "which count as impossible"
+            if failed
+            else ""
+        )
+    return notes
 
 
 class ExtendedFunction:

@@ -113,6 +113,16 @@ def finding_of(
 
 
 NOT_COMPARED = "not compared: "
+_COLUMNS = [
+    "kind",
+    "target",
+    "form",
+    "probability",
+    "log_evidence",
+    "smooth_curve",
+    "correlated",
+    "note",
+]
 ESTIMATED = "far behind in a sample of the rows, from which its evidence is estimated"
 
 
@@ -124,45 +134,32 @@ def form_of(cause: Cause) -> str:
 def cause_table(result: Search, skipped: list[Skipped]) -> pd.DataFrame:
     """Return one row a cause, most probable first, those not compared last with the reason."""
     evidence = total_evidence(result.candidates)
-    notes = failures(result)
+    found = zip(
+        result.candidates,
+        failures(result),
+        result.probability,
+        evidence - evidence[0],
+        result.remainder,
+        result.correlated,
+        strict=True,
+    )
     rows = [
-        {
-            "kind": w.kind,
-            "target": w.cause.target if w.cause else None,
-            "form": form_of(w.cause) if w.cause else "none",
-            "probability": probability,
-            "log_evidence": log_evidence,
-            "smooth_curve": remainder,
-            "correlated": correlated,
-            "note": note or (ESTIMATED if w.is_estimate else ""),
-        }
-        for w, probability, log_evidence, remainder, correlated, note in zip(
-            result.candidates,
-            result.probability,
-            evidence - evidence[0],
-            result.remainder,
-            result.correlated,
-            notes,
-            strict=True,
+        (
+            w.kind,
+            w.cause.target if w.cause else None,
+            form_of(w.cause) if w.cause else "none",
+            *numbers,
+            note or (ESTIMATED if w.is_estimate else ""),
         )
+        for w, note, *numbers in found
     ]
+    unknown = (0.0, np.nan, np.nan, np.nan)
     rows += [
-        {
-            "kind": s.kind,
-            "target": s.target,
-            "form": s.kind,
-            "probability": 0.0,
-            "log_evidence": np.nan,
-            "smooth_curve": np.nan,
-            "correlated": np.nan,
-            "note": f"{NOT_COMPARED}{s.reason}",
-        }
-        for s in skipped
+        (one.kind, one.target, one.kind, *unknown, f"{NOT_COMPARED}{one.reason}") for one in skipped
     ]
-    table = pd.DataFrame(rows).sort_values(
+    return pd.DataFrame(rows, columns=_COLUMNS).sort_values(
         "probability", ascending=False, kind="stable", ignore_index=True
     )
-    return table
 
 
 def not_reached(result: Search, causes: Sequence[Cause]) -> list[Skipped]:

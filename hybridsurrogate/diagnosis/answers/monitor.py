@@ -118,7 +118,9 @@ def monitored(
     """
     parts: list[FloatArray] = []
     first, limit = 0, np.log(1 / false_alarm_rate)
-    models, shares = _averaged(estimator)
+    models, shares = [estimator], np.ones(1)
+    if isinstance(estimator, AveragedSurrogate):
+        models, shares = estimator.estimators_, estimator.weights_
     while True:
         some = new.take(slice(first, first + _MOST_ROWS))
         deviation, n_rows, shares = _deviations(models, shares, some)
@@ -192,18 +194,8 @@ def joined(first: Rows, second: Rows) -> Rows:
     return Rows(X, np.concatenate([first.y, second.y]), weights, y_err)
 
 
-def _averaged(
-    estimator: PowerScaledSurrogate | AveragedSurrogate,
-) -> tuple[list[PowerScaledSurrogate], FloatArray]:
-    if isinstance(estimator, AveragedSurrogate):
-        return estimator.estimators_, estimator.weights_
-    return [estimator], np.ones(1)
-
-
 def _deviations(
-    models: Sequence[PowerScaledSurrogate],
-    shares: FloatArray,
-    new: Rows,
+    models: Sequence[PowerScaledSurrogate], shares: FloatArray, new: Rows
 ) -> tuple[FloatArray, int, FloatArray]:
     """Return the deviation of each measurement, and the rows after which the draws are used up.
 

@@ -42,46 +42,40 @@ class CheckSettings:
     near_floor : float
         The search knows no noise below its floor; what a few times more leaves open is no better
         known.
+    most, half : float
+        Shares, cosines and correlations from which nearly all, or as much as not, is meant: rows
+        within a range by which another unit or an exchange of columns explains it; the cosine of
+        outputs of one shape; what two rows carry of an effect; the correlation from which an
+        estimate's variance is more than five times what it were with the parameter known. And rows
+        outside a range from which nothing is diagnosed; noise that other columns must leave at
+        most; the width of its prior that a parameter keeps where data inform it little; the share
+        of a cause's curve below which only part of it, such as its level, goes with a parameter.
     mirrored : float
         Cosine between what is measured and simulated from which the sign looks wrong; the best fit
         of parameters has moved it towards zero.
     copied, nearly_copied : float
         A column whose correlation with the output is so little below one is the output; one above
         the second looks like it.
-    most_outside, mostly : float
-        Share of the rows outside a simulated range from which nothing is diagnosed; share within
-        by which another unit, or an exchange of columns, explains it.
     as_wide : float
         A unit that fills this share of what another unit fills of the range is as likely.
     gain_of_exchange : float
         Rows (as a share, of two columns together) that an exchange must bring into the ranges.
     narrow : float
         Share of the simulated range below which rows that lie within may be in another unit.
-    much_better, about_as_good : float
-        Noise that other columns must leave at most, in shares of that with those given and of that
-        with the best cause.
-    same_shape, far_gain, near_unit : float
-        Cosine between measured and simulated output, and the factor between them from which the
-        unit looks wrong; a factor this near a unit's, in logarithms, is called by its name.
-    far_shift, near_shift : float
-        Spreads of the output: how far it must be shifted, and how near a shift of degrees.
+    about_as_good : float
+        Noise that other columns must leave at most, in shares of that with the best cause.
+    far_gain, near_unit : float
+        The factor between measured and simulated output from which the unit looks wrong; one this
+        near a unit's, in logarithms, is called by its name.
+    far_shift : float
+        Spreads of the output by which it must be shifted, to within one of a shift of degrees.
     draws_compared : int
         Draws of the priors that are compared with the output.
-    carried_by_two : float
-        Share of what a cause explains from which two rows carry it.
     far_off, most_far_off : float
         Robust standard deviations of the residuals beyond which a row is far off, and the share of
         the rows that may be without being a pattern.
     large_jump : float
         Jumps of this share of the noise hide effects.
-    correlated : float
-        Correlation from which an estimate's variance is more than five times what it were with the
-        parameter known.
-    unknown : float
-        Share of its prior's width that a parameter keeps where data inform it little.
-    shared : float
-        Share of the cause's curve below which only part of it, such as its level, goes with the
-        parameter.
     curve_draws, derivative_step : int, float
         Draws that suffice for a mean curve, and the share of a posterior standard deviation by
         which a parameter is moved for its derivative.
@@ -96,29 +90,22 @@ class CheckSettings:
     gain_of_many: float = 0.6
     fewest_rows: int = 3
     near_floor: float = 3.0
+    most: float = 0.9
+    half: float = 0.5
     mirrored: float = 0.7
     copied: float = 1e-9
     nearly_copied: float = 0.9999
-    most_outside: float = 0.5
-    mostly: float = 0.9
     as_wide: float = 0.8
     gain_of_exchange: float = 0.3
     narrow: float = 0.05
-    much_better: float = 0.5
     about_as_good: float = 2.0
-    same_shape: float = 0.9
     far_gain: float = 5.0
     near_unit: float = 0.15
     far_shift: float = 3.0
-    near_shift: float = 1.0
     draws_compared: int = 64
-    carried_by_two: float = 0.9
     far_off: float = 10.0
     most_far_off: float = 0.02
     large_jump: float = 0.25
-    correlated: float = 0.9
-    unknown: float = 0.5
-    shared: float = 0.5
     curve_draws: int = 200
     derivative_step: float = 0.05
 

@@ -80,9 +80,18 @@ def check_usable_columns(
     ranges = simulation.input_ranges
     outputs = np.asarray(y, dtype=object).reshape(len(next(iter(columns.values()))), -1)
     for name, values in columns.items():
-        if name not in ranges:
-            _check_no_copy(name, values, outputs)
-    _check_spread(columns, ranges)
+        if name not in ranges and any(_copies(values, y) for y in outputs.T):
+            raise ValueError(
+                f"The column {name!r} is the output itself, or a linear function of it: drop it. "
+                "Whatever the simulation misses, such a column explains it."
+            )
+    if not any(np.ptp(values) > 0 for values in columns.values()):
+        place = ", ".join(f"{x} = {number(columns[x][0])}" for x in ranges if x in columns)
+        raise ValueError(
+            f"All {len(outputs)} measured rows have the same inputs, {place}. A diagnosis compares "
+            "the simulation with measurements along its inputs and needs a spread in one of them "
+            "at least: give the inputs at which each row was measured."
+        )
     _check_ranges(columns, ranges)
 
 
@@ -100,15 +109,11 @@ def _numbers(X: Any, simulation: SimulationData | Simulator) -> dict[str, FloatA
     return out
 
 
-def _check_no_copy(name: str, values: FloatArray, outputs: FloatArray) -> None:
-    for y in outputs.T:
-        numbers = np.asarray(pd.to_numeric(pd.Series(y), errors="coerce"), dtype=float)
-        there = np.isfinite(numbers)
-        if there.sum() > 2 and 1 - _likeness(values[there], numbers[there]) < SETTINGS.copied:
-            raise ValueError(
-                f"The column {name!r} is the output itself, or a linear function of it: drop it. "
-                "Whatever the simulation misses, such a column explains it."
-            )
+def _copies(values: FloatArray, y: Any) -> bool:
+    """Return whether values are a linear function of what was measured of an output."""
+    numbers = np.asarray(pd.to_numeric(pd.Series(y), errors="coerce"), dtype=float)
+    there = np.isfinite(numbers)
+    return there.sum() > 2 and 1 - _likeness(values[there], numbers[there]) < SETTINGS.copied
 
 
 def _likeness(a: FloatArray, b: FloatArray) -> float:
@@ -119,18 +124,6 @@ def _likeness(a: FloatArray, b: FloatArray) -> float:
     return float(abs(a @ b) / (np.linalg.norm(a) * np.linalg.norm(b)))
 
 
-def _check_spread(columns: Mapping[str, FloatArray], ranges: Ranges) -> None:
-    """Raise ValueError where no input has a spread, and no other column either."""
-    if any(np.ptp(values) > 0 for values in columns.values()):
-        return
-    place = ", ".join(f"{name} = {number(columns[name][0])}" for name in ranges if name in columns)
-    raise ValueError(
-        f"All {len(next(iter(columns.values())))} measured rows have the same inputs, {place}. "
-        "A diagnosis compares the simulation with measurements along its inputs and needs a spread "
-        "in one of them at least: give the inputs at which each row was measured."
-    )
-
-
 def _check_ranges(columns: Mapping[str, FloatArray], ranges: Ranges) -> None:
     """Raise ValueError where at least half of the rows lie outside a simulated range."""
     for name, (low, high) in ranges.items():
@@ -138,7 +131,7 @@ def _check_ranges(columns: Mapping[str, FloatArray], ranges: Ranges) -> None:
             continue
         values = columns[name]
         outside = 1 - _share_within(values, low, high)
-        if outside < SETTINGS.most_outside:
+        if outside < SETTINGS.half:
             continue
         hint = _exchange(columns, ranges, name) or _unit(name, values, low, high)
         raise ValueError(
@@ -157,14 +150,10 @@ def _unit(name: str, values: FloatArray, low: float, high: float) -> str:
     ways = [(f"multiplied by {f:.6g}", f * values, words) for f, words in _UNITS.items()]
     ways += [(f"divided by {f:.6g}", values / f, words) for f, words in _UNITS.items()]
     ways += [
-        (
-            f"as {a:.6g} + {b:.6g} of them",
-            a + b * values,
-            w,
-        )
-        for (a, b), w in _SHIFTED.items()
+        (f"as {a:.6g} + {b:.6g} of them", a + b * values, words)
+        for (a, b), words in _SHIFTED.items()
     ]
-    fitting = [way for way in ways if _share_within(way[1], low, high) >= SETTINGS.mostly]
+    fitting = [way for way in ways if _share_within(way[1], low, high) >= SETTINGS.most]
     if not fitting:
         return "Check its unit, or simulate the range that was measured."
     # of several units the commonest that fills about as much of what was simulated as any
@@ -183,7 +172,7 @@ def _exchange(columns: Mapping[str, FloatArray], ranges: Ranges, name: str) -> s
     for other in (one for one in there if one != name):
         after = [_share_within(columns[a], *ranges[b]) for a, b in ((other, name), (name, other))]
         gain = sum(after) - before[name] - before[other]
-        if min(after) >= SETTINGS.mostly and gain >= SETTINGS.gain_of_exchange:
+        if min(after) >= SETTINGS.most and gain >= SETTINGS.gain_of_exchange:
             return (
                 f"With the columns {name!r} and {other!r} exchanged, {min(after):.0%} lie within: "
                 "were they swapped?"
@@ -205,51 +194,41 @@ def doubtful_columns(problem: Problem, ranges: Ranges) -> list[Caution]:
         return []
     model = problem.model
     columns = dict(zip(model.columns, problem.X.T, strict=False))
-    out = []
+    sentences = []
     for name in list(columns)[model.n_inputs :]:
         likeness = _likeness(columns[name], problem.observed)
         if likeness > SETTINGS.nearly_copied:
-            out.append(
-                Caution(
-                    "columns",
-                    f"The column {name!r} follows the output almost exactly (correlation "
-                    f"{likeness:.5f}). Is it the output once more, rounded or computed from it? "
-                    "Then drop it.",
-                )
+            sentences.append(
+                f"The column {name!r} follows the output almost exactly (correlation "
+                f"{likeness:.5f}). Is it the output once more, rounded or computed from it? Then "
+                "drop it."
             )
     for name in ranges:
         outside = 1 - _share_within(columns[name], *ranges[name])
         hint = _exchange(columns, ranges, name) if outside > 0 else ""
-        if hint and not any(repr(name) in one.sentence for one in out):
-            out.append(
-                Caution(
-                    "columns", f"{outside:.0%} of the rows have {name!r} outside its range. {hint}"
-                )
-            )
-    return out + _unit_of_output(problem)
+        if hint and not any(repr(name) in sentence for sentence in sentences):
+            sentences.append(f"{outside:.0%} of the rows have {name!r} outside its range. {hint}")
+    return [Caution("columns", sentence) for sentence in (*sentences, *_unit_of_output(problem))]
 
 
-def _unit_of_output(problem: Problem) -> list[Caution]:
-    """Return whether measured outputs look like the simulated ones in another unit."""
+def _unit_of_output(problem: Problem) -> list[str]:
+    """Say whether measured outputs look like the simulated ones in another unit."""
     simulated, y = _simulated(problem), problem.observed
     scaled, shifted = _alike(simulated, y), _alike(simulated, y, centred=True)
     gains = scaled @ y / np.sum(scaled**2, axis=1)
-    found = None
     # a unit is wrong where no parameters that draw the same shape reach the size
     far = np.all(gains > SETTINGS.far_gain) or np.all(gains * SETTINGS.far_gain < 1)
+    shift = _named_shift(shifted, y) if len(shifted) else None
     if len(gains) and far:
         gain = float(np.median(gains))
         found = f"about {number(gain, 2)} times what is simulated{_named_factor(gain)}"
-    elif len(shifted) and (shift := _named_shift(shifted, y)) is not None:
+    elif shift is not None:
         found = f"in other degrees than the simulated one: it looks like {shift}"
-    if found is None:
+    else:
         return []
     return [
-        Caution(
-            "columns",
-            f"The measured output is {found}. Check that both have the same unit before believing "
-            "a cause.",
-        )
+        f"The measured output is {found}. Check that both have the same unit before believing a "
+        "cause."
     ]
 
 
@@ -275,7 +254,7 @@ def _alike(simulated: FloatArray, y: FloatArray, centred: bool = False) -> Float
     if centred:
         a, b = a - a.mean(axis=1, keepdims=True), b - b.mean()
     sizes = np.linalg.norm(a, axis=1) * np.linalg.norm(b)
-    return simulated[a @ b > SETTINGS.same_shape * np.maximum(sizes, np.finfo(float).tiny)]
+    return simulated[a @ b > SETTINGS.most * np.maximum(sizes, np.finfo(float).tiny)]
 
 
 def _named_factor(gain: float) -> str:
@@ -293,7 +272,7 @@ def _named_shift(simulated: FloatArray, y: FloatArray) -> str | None:
         return None
     for (offset, factor), words in _SHIFTED.items():
         left = np.mean(y - offset - factor * simulated, axis=1)
-        if np.min(np.abs(left)) < SETTINGS.near_shift * spread:
+        if np.min(np.abs(left)) < spread:
             return words
     return None
 
@@ -312,7 +291,7 @@ def better_columns(result: Search, ranges: Ranges, chosen: Candidate) -> list[Ca
         The best cause: other columns must do about as well, unless it is a curve of any shape.
     """
     problem, null = result.problem, result.candidates[0].fit
-    least = SETTINGS.much_better * null.sigma
+    least = SETTINGS.half * null.sigma
     if chosen.cause is not None and not chosen.cause.is_process:
         least = min(least, SETTINGS.about_as_good * chosen.fit.sigma)
     if problem.working_point is not None:
@@ -356,6 +335,6 @@ def _other_columns(problem: Problem, ranges: Ranges) -> Iterator[tuple[str, Floa
         for factor, units in _UNITS.items():
             X = problem.X.copy()
             X[:, k] = factor * values
-            filled = np.ptp(X[:, k]) > SETTINGS.most_outside * (high - low)
-            if filled and _share_within(X[:, k], low, high) >= SETTINGS.mostly:
+            filled = np.ptp(X[:, k]) > SETTINGS.half * (high - low)
+            if filled and _share_within(X[:, k], low, high) >= SETTINGS.most:
                 yield f"{name!r} multiplied by {factor:.6g} (as {units})", X

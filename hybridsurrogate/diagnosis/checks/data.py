@@ -65,17 +65,13 @@ def copies(X: FloatArray, y: FloatArray) -> int:
 def copied_rows(X: FloatArray, y: FloatArray) -> list[Caution]:
     """Return whether rows are in the data twice; arguments as of `copies`."""
     n = copies(X, y)
-    if not n:
-        return []
-    return [
-        Caution(
-            "data",
-            f"{n} of {len(X)} measured rows are copies of others, in every input and in the "
-            "output. Copies count as measurements made again, so that the noise looks "
-            "autocorrelated and causes look surer than they are: drop them, "
-            "DataFrame.drop_duplicates(), unless each was measured.",
-        )
-    ]
+    sentence = (
+        f"{n} of {len(X)} measured rows are copies of others, in every input and in the output. "
+        "Copies count as measurements made again, so that the noise looks autocorrelated and "
+        "causes look surer than they are: drop them, DataFrame.drop_duplicates(), unless each was "
+        "measured."
+    )
+    return [Caution("data", sentence)] if n else []
 
 
 def check_digits(problem: Problem) -> None:
@@ -127,23 +123,21 @@ def mirrored(problem: Problem) -> list[Caution]:
 
 
 def is_exact(result: Search) -> bool:
-    """Return whether the simulation, alone or with a cause, misses no more than rounding."""
-    least = SETTINGS.near_floor * FLOOR * result.problem.scale
-    return result.problem.likelihood.gaussian and any(
-        w.fit.sigma <= least for w in result.candidates if _leaves_noise(w)
-    )
+    """Return whether the simulation, alone or with a cause, misses no more than rounding.
 
-
-def _leaves_noise(w: Candidate) -> bool:
-    """Return whether the noise of a fit is that of its rows.
-
-    A curve of any shape may fit few rows exactly, and where noise differs between rows its
-    scale is not that of each.
+    The noise of a fit is that of its rows: a curve of any shape may fit few rows exactly, and where
+    noise differs between rows its scale is not that of each.
     """
-    cause = w.cause
-    if cause is None:
-        return True
-    return cause.changes_output and not cause.is_process and "noise" not in cause.acts_on
+    problem = result.problem
+    rest = [
+        w.fit.sigma
+        for w in result.candidates
+        if w.cause is None
+        or (w.cause.changes_output and not w.cause.is_process and "noise" not in w.cause.acts_on)
+    ]
+    return problem.likelihood.gaussian and (
+        min(rest) <= SETTINGS.near_floor * FLOOR * problem.scale
+    )
 
 
 def exact(result: Search) -> list[Caution]:
@@ -190,11 +184,19 @@ def single_rows(result: Search, chosen: Candidate) -> list[Caution]:
         first = np.argsort(-explained)[:2]
         # one row suffices where it alone carries as much
         share = np.cumsum(explained[first]) / max(float(explained.sum()), np.finfo(float).tiny)
-        if share[-1] > SETTINGS.carried_by_two:
-            rows = first[:1] if share[0] > SETTINGS.carried_by_two else np.sort(first)
-            return [_on_rows(result, rows, null)]
+        if share[-1] > SETTINGS.most:
+            rows = first[:1] if share[0] > SETTINGS.most else np.sort(first)
+            few = "one row" if len(rows) == 1 else "two rows"
+            what, them = _described(result, rows, null)
+            then = "and diagnose without, before believing the cause"
+            return [Caution("data", f"The cause rests on {few}: {what}. Check {them}, {then}.")]
     rows = _far_off(result, (problem.y - found) / problem.model.known_noise(problem.X))
-    return [_unlike(result, rows, found)] if len(rows) else []
+    if not len(rows):
+        return []
+    few = "A few rows are" if len(rows) > 1 else "One row is"
+    what, them = _described(result, rows, found)
+    then = "and correct or leave out what is wrong"
+    return [Caution("data", f"{few} unlike the others: {what}. Check {them}, {then}.")]
 
 
 def gross_errors(cause: GrossError) -> list[Caution]:
@@ -207,24 +209,6 @@ def gross_errors(cause: GrossError) -> list[Caution]:
     if not rows:
         return []
     return [Caution("data", f"{' '.join(rows)} All else in this report is that of the other rows.")]
-
-
-def _on_rows(result: Search, rows: NDArray[np.intp], simulated: FloatArray) -> Caution:
-    few = "one row" if len(rows) == 1 else "two rows"
-    return Caution(
-        "data",
-        f"The cause rests on {few}: {_described(result, rows, simulated)}. Check "
-        f"{'it' if len(rows) == 1 else 'them'}, and diagnose without, before believing the cause.",
-    )
-
-
-def _unlike(result: Search, rows: NDArray[np.intp], simulated: FloatArray) -> Caution:
-    few = "A few rows are" if len(rows) > 1 else "One row is"
-    return Caution(
-        "data",
-        f"{few} unlike the others: {_described(result, rows, simulated)}. Check "
-        f"{'it' if len(rows) == 1 else 'them'}, and correct or leave out what is wrong.",
-    )
 
 
 def _far_off(result: Search, missed: FloatArray) -> NDArray[np.intp]:
@@ -243,7 +227,8 @@ def _far_off(result: Search, missed: FloatArray) -> NDArray[np.intp]:
     return rows if len(rows) <= most else rows[:0]
 
 
-def _described(result: Search, rows: NDArray[np.intp], simulated: FloatArray) -> str:
+def _described(result: Search, rows: NDArray[np.intp], simulated: FloatArray) -> tuple[str, str]:
+    """Return what some rows are, and the word for them."""
     problem = result.problem
     inverse, columns = problem.likelihood.inverse, problem.model.columns
     out = []
@@ -259,7 +244,7 @@ def _described(result: Search, rows: NDArray[np.intp], simulated: FloatArray) ->
         out.append(
             f"{which} ({_place(at)}), {values[0]:.6g} where the simulation has {values[1]:.4g}"
         )
-    return listing(out)
+    return listing(out), "it" if len(rows) == 1 else "them"
 
 
 def _place(at: dict[str, float]) -> str:
@@ -312,8 +297,7 @@ def cautions_of_dispersion(problem: Problem, posteriors: Sequence[Posterior]) ->
         found = dispersion_of(likelihood, problem.X, eta, problem.observed)
         if found is None or found.p_value > _LEVEL:
             return []
-    if found is None:
-        return []
+    assert found is not None  # there is one posterior at least
     return [
         Caution(
             "noise",

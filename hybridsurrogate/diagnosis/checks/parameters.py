@@ -210,21 +210,31 @@ def confounding(
     for k, cause in enumerate(last.model.effects[:n]):
         if cause.replaces in names:  # it is the parameter itself, with a wider prior
             continue
-        curve = _curve(first, last, k, X)
+        curve, estimates = _curve(first, last, k, X), last.estimates(k)
         for j, name in enumerate(names):
             if cause.target == name:
                 continue
-            omega = last.values[:, j]
+            omega, direction = last.values[:, j], derivatives[j]
+            known = [(one, _correlation(draws, omega)) for one, draws in estimates.items()]
+            estimate, correlation = max(known, key=lambda pair: abs(pair[1]), default=("", 0.0))
             shift = (omega.mean() - first.values[:, j].mean()) / max(omega.std(), 1e-300)
-            width = omega.std() / prior_sd(last.model.parameters[name])
-            estimate, correlation = _most_correlated(last.estimates(k), omega)
-            absorbed = _projected(curve, derivatives[j])
-            pair = cause.name, name, estimate
-            rows.append((*pair, correlation, float(shift), float(width), absorbed))
-    return pd.DataFrame(rows, columns=[*_COLUMNS])
+            # the share of the curve's square that lies along what the parameter draws
+            square = float(curve @ curve) * float(direction @ direction)
+            rows.append(
+                {
+                    "cause": cause.name,
+                    "parameter": name,
+                    "estimate": estimate,
+                    "correlation": correlation,
+                    "shift": float(shift),
+                    "width": omega.std() / prior_sd(last.model.parameters[name]),
+                    "absorbed": float(curve @ direction) ** 2 / square if square > 0 else 0.0,
+                }
+            )
+    return pd.DataFrame(rows, columns=_COLUMNS)
 
 
-_COLUMNS = ("cause", "parameter", "estimate", "correlation", "shift", "width", "absorbed")
+_COLUMNS = ["cause", "parameter", "estimate", "correlation", "shift", "width", "absorbed"]
 
 
 def confounded(table: pd.DataFrame) -> pd.DataFrame:
@@ -234,9 +244,9 @@ def confounded(table: pd.DataFrame) -> pd.DataFrame:
     hardly better known than before the data: where both are known well in spite of the
     correlation, the data did separate them.
     """
-    correlated = table["correlation"].abs() >= SETTINGS.correlated
+    correlated = table["correlation"].abs() >= SETTINGS.most
     return table[
-        correlated & (table["width"] >= SETTINGS.unknown) & (table["absorbed"] >= SETTINGS.shared)
+        correlated & (table["width"] >= SETTINGS.half) & (table["absorbed"] >= SETTINGS.half)
     ]
 
 
@@ -254,21 +264,10 @@ def sentences_on_parameters(table: pd.DataFrame) -> Iterator[str]:
         )
 
 
-def _most_correlated(estimates: dict[str, FloatArray], omega: FloatArray) -> tuple[str, float]:
-    known = [(name, _correlation(draws, omega)) for name, draws in estimates.items()]
-    return max(known, key=lambda pair: abs(pair[1]), default=("", 0.0))
-
-
 def _correlation(a: FloatArray, b: FloatArray) -> float:
     if min(np.ptp(a), np.ptp(b)) <= 0:
         return 0.0
     return float(np.corrcoef(a, b)[0, 1])
-
-
-def _projected(curve: FloatArray, direction: FloatArray) -> float:
-    """Return the share of the square of a curve that lies along a direction."""
-    square = float(curve @ curve) * float(direction @ direction)
-    return float(curve @ direction) ** 2 / square if square > 0 else 0.0
 
 
 def _curve(before: Posterior, after: Posterior, position: int, X: FloatArray) -> FloatArray:

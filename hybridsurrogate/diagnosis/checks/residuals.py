@@ -13,7 +13,6 @@ them predicts how often the most probable cause is the right one.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -82,10 +81,11 @@ def check_residuals(result: Search, w: Candidate) -> ResidualCheck | None:
     for k, name in enumerate(columns):
         if name == OUTPUT or len(np.unique(X[:, k])) < 2 * _WAVES:
             continue
-        order = _order(X, k, columns)
-        for word, statistic in _OVER_COLUMN.items():
-            found[f"{word} over {name}"] = statistic(left[:, order])
-    found["tails"] = _kurtosis(left)
+        # of several outputs one after the other
+        outputs = X[:, columns.index(OUTPUT)] if OUTPUT in columns else np.zeros(len(X))
+        for word, statistic in _along(left[:, np.lexsort((X[:, k], outputs))]).items():
+            found[f"{word} over {name}"] = statistic
+    found["tails"] = np.mean(left**4, axis=1)
     values = np.array(list(found.values()))
     # the share of all that are as extreme: of the measured rows, and of each replicate
     ranks = np.argsort(np.argsort(-values, axis=1), axis=1) + 1
@@ -133,37 +133,14 @@ def _left(result: Search, w: Candidate) -> FloatArray:
     return np.asarray(left / np.maximum(scale, np.finfo(float).tiny))
 
 
-def _order(X: FloatArray, k: int, columns: tuple[str, ...]) -> np.ndarray:
-    """Return the rows along a column, of several outputs one after the other."""
-    if OUTPUT not in columns:
-        return np.argsort(X[:, k], kind="stable")
-    return np.lexsort((X[:, k], X[:, columns.index(OUTPUT)]))
-
-
-def _neighbours(left: FloatArray) -> FloatArray:
-    return np.asarray(np.mean(left[:, 1:] * left[:, :-1], axis=1))
-
-
-def _curve(left: FloatArray) -> FloatArray:
+def _along(left: FloatArray) -> dict[str, FloatArray]:
+    """Return statistics of residuals (R, n) along a column, each (R,)."""
     waves = fft.dct(left, axis=1, norm="ortho")[:, 1 : 1 + _WAVES]
-    return np.asarray(np.sum(waves**2, axis=1))
-
-
-def _spread(left: FloatArray) -> FloatArray:
-    n = left.shape[1]
-    rank = np.linspace(-1, 1, n)
-    return np.abs(np.abs(left) @ rank)
-
-
-def _kurtosis(left: FloatArray) -> FloatArray:
-    return np.asarray(np.mean(left**4, axis=1))
-
-
-_OVER_COLUMN: Mapping[str, Callable[[FloatArray], FloatArray]] = {
-    "neighbours": _neighbours,
-    "curve": _curve,
-    "spread": _spread,
-}
+    return {
+        "neighbours": np.mean(left[:, 1:] * left[:, :-1], axis=1),
+        "curve": np.sum(waves**2, axis=1),
+        "spread": np.abs(np.abs(left) @ np.linspace(-1, 1, left.shape[1])),
+    }
 
 
 # of the measured data sets with a documented cause (docs/evidence/measured_data.md) some had one

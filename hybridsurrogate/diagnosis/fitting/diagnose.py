@@ -10,6 +10,7 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
+import pandas as pd
 from joblib import parallel_config
 from sklearn.base import clone
 
@@ -38,11 +39,7 @@ from hybridsurrogate.diagnosis.checks.simulation import check_emulator, warn_if_
 from hybridsurrogate.diagnosis.fitting.result import Conclusion, DiagnosisResult, Extension
 from hybridsurrogate.diagnosis.fitting.verdict import concluded, contradicted
 from hybridsurrogate.diagnosis.search.context import blurred, on_working_rows
-from hybridsurrogate.diagnosis.search.forward_selection import (
-    SearchStep,
-    forward_search,
-    searches,
-)
+from hybridsurrogate.diagnosis.search.forward_selection import SearchStep, forward_search, searches
 from hybridsurrogate.diagnosis.search.search import Search
 from hybridsurrogate.diagnosis.search.setup import Prepared, prepare, trained_emulator
 from hybridsurrogate.diagnosis.validation.beta_scan import BetaScans
@@ -101,11 +98,7 @@ def with_gain(
 
 
 def extend(
-    before: Any,
-    steps: Sequence[SearchStep],
-    conclusion: Conclusion,
-    rows: Rows,
-    n_jobs: int | None,
+    before: Any, steps: Sequence[SearchStep], conclusion: Conclusion, rows: Rows, n_jobs: int | None
 ) -> Extension:
     """Return the model after, with a `ConfoundingWarning` of what the data cannot separate.
 
@@ -146,10 +139,7 @@ def extend(
 
 
 def _at_prior_end(
-    causes: Sequence[Cause],
-    before: Any,
-    found: PowerScaledSurrogate,
-    verdict: str,
+    causes: Sequence[Cause], before: Any, found: PowerScaledSurrogate, verdict: str
 ) -> tuple[AtPriorEnd, ...]:
     """Return what is at an end of its prior in the extended model, else in the calibrated."""
     replaced = {cause.replaces for cause in causes}
@@ -171,15 +161,15 @@ class InterruptedDiagnosis(KeyboardInterrupt):
         What a warning says of it.
     """
 
-    def __init__(self, search: Search | None, prepared: Prepared) -> None:
+    def __init__(
+        self, search: Search | None, causes: pd.DataFrame | None, prepared: Prepared
+    ) -> None:
         super().__init__("the diagnosis was interrupted")
-        self.search, self.causes, n = search, None, 0
-        if search is not None:
+        n = 0 if search is None else len(search.candidates) - 1
+        if search is not None and causes is None:
             left = not_reached(search, prepared.causes)
-            self.causes, n = (
-                cause_table(search, [*left, *prepared.skipped]),
-                len(search.candidates) - 1,
-            )
+            causes = cause_table(search, [*left, *prepared.skipped])
+        self.search, self.causes = search, causes
         self.sentence = (
             f"The diagnosis was interrupted: {n} of {len(prepared.causes)} causes had been compared"
             f"{', and causes_ lists them' if n else ''}. There is no gain, and no report."
@@ -224,6 +214,7 @@ def diagnose(
     warn_if_slow(problem, settings.cv)
     warn_if_rough(problem)
     steps: list[SearchStep] = []
+    causes: pd.DataFrame | None = None
     try:
         with one_blas_thread(), doing("Search", settings.progress):
             steps, known = compare(prepared, before, settings, random)
@@ -247,7 +238,7 @@ def diagnose(
         cautions += cautions_of_rounding(before.likelihood_, check)
     except KeyboardInterrupt as stop:
         search = steps[0].search if steps else getattr(stop, "kept", None)
-        raise InterruptedDiagnosis(search, prepared) from stop
+        raise InterruptedDiagnosis(search, causes, prepared) from stop
     finally:
         for one in cautions:
             warnings.warn(one.sentence, DiagnosisWarning, stacklevel=3)

@@ -61,7 +61,7 @@ def _under(search: Search, prior: str, factor: float) -> Search:
     """Return the search with one prior ``factor`` times as wide, or odds so many times as high."""
     if prior == "nothing is wrong":
         none, *causes = search.candidates
-        return search.reweighed([_moved(none, float(np.log(factor))), *causes])
+        return search.reweighed([none.moved(float(np.log(factor))), *causes])
     on_slopes, on_sizes = (factor, 1.0) if prior == "parameters" else (1.0, factor)
     largest = search.sizes[-1] * on_sizes
     sizes = np.geomspace(min(search.sizes[0], largest / 2), largest, len(search.sizes))
@@ -69,7 +69,7 @@ def _under(search: Search, prior: str, factor: float) -> Search:
         [
             w
             if w.is_estimate or not np.isfinite(w.log_evidence)
-            else _moved(w, _gain(search, w, sizes, on_slopes))
+            else w.moved(_gain(search, w, sizes, on_slopes))
             for w in search.candidates
         ]
     )
@@ -82,14 +82,6 @@ def _gain(search: Search, w: Candidate, sizes: FloatArray, on_slopes: float) -> 
     before = scan(parts, *args, search.sizes)[0]
     after = scan(replace(parts, G=on_slopes * parts.G), *args, sizes)[0]
     return float(special.logsumexp(after) - special.logsumexp(before))
-
-
-def _moved(w: Candidate, by: float) -> Candidate:
-    return w._replace(
-        log_evidence=w.log_evidence + by,
-        log_evidence_with_remainder=w.log_evidence_with_remainder + by,
-        log_evidence_with_noise=w.log_evidence_with_noise + by,
-    )
 
 
 def _concluded(result: DiagnosisResult, first: SearchStep) -> dict[str, object]:

@@ -116,7 +116,7 @@ def _outputs(
     out: list[FloatArray] = []
     for _ in range(_MOST_TRIED):
         u = sequence.random(2 ** int(np.ceil(np.log2(n))))[:, :d]
-        values = model.values(_standard_normal(u))
+        values = model.values(ndtri(np.clip(u, 1e-6, 1 - 1e-6)))
         with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
             eta = model.simulated(X, values, c)[0]
         out += list(eta[np.isfinite(eta).all(axis=1)])
@@ -126,10 +126,6 @@ def _outputs(
         "The simulation fails at the planned rows for nearly all parameters: check the rows, or "
         "the priors."
     )
-
-
-def _standard_normal(u: FloatArray) -> FloatArray:
-    return np.asarray(ndtri(np.clip(u, 1e-6, 1 - 1e-6)))
 
 
 def _place(ready: Prepared, fitted: PowerScaledSurrogate, noise: FloatArray) -> Place:
@@ -270,8 +266,8 @@ def _simulated(
         for size in sizes:
             made = hidden(place, forms, size, m, random)
             if made is not None:
-                responses.append(made.responses)
-                drawn.append((label, size, made.change))
+                responses.append(made[0])
+                drawn.append((label, size, made[1]))
     found = outcomes(place, np.concatenate(responses))
     ends = np.cumsum([0, *map(len, responses)]).tolist()
     null, *others = (found.between(*both) for both in pairwise(ends))
@@ -295,25 +291,18 @@ def _result(
     rows += [(*key, *value) for part in parts for key, value in part.hidden.items()]
     conclusions = pd.concat(
         [
-            pd.DataFrame(
-                {
-                    "cause": label,
-                    "size": size,
-                    "found": np.where(one.detected(limit, rate), one.kind, NOTHING),
-                    "share": one.share,
-                    "change": change,
-                }
+            pd.DataFrame({"share": one.share, "change": change}).assign(
+                cause=label, size=size, found=np.where(one.detected(limit, rate), one.kind, NOTHING)
             )
             for label, size, one, change in rows
         ],
         ignore_index=True,
     )
-    kind_of = {label: next(c.kind for c in place.causes if _is(c, label)) for label in labels}
+    of_label = {label: [c for c in place.causes if _is(c, label)] for label in labels}
+    kind_of = {label: causes[0].kind for label, causes in of_label.items()}
     in_noise = {
-        label: not any(
-            c.coefficients or c.touches_simulation for c in place.causes if _is(c, label)
-        )
-        for label in labels
+        label: not any(c.coefficients or c.touches_simulation for c in causes)
+        for label, causes in of_label.items()
     }
     return detectability_of(conclusions, kind_of, in_noise, sizes, n_rows, rate)
 

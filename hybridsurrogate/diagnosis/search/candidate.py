@@ -44,6 +44,14 @@ class Candidate(NamedTuple):
         name = "none" if self.cause is None else f"{self.cause.name}: {self.cause.variant}"
         return f"Candidate({name.removesuffix(': ')}, log_evidence={self.log_evidence:.2f})"
 
+    def moved(self, by: float) -> Candidate:
+        """Return the candidate with all its log evidence larger by so much."""
+        return self._replace(
+            log_evidence=self.log_evidence + by,
+            log_evidence_with_remainder=self.log_evidence_with_remainder + by,
+            log_evidence_with_noise=self.log_evidence_with_noise + by,
+        )
+
     @property
     def kind(self) -> str:
         """The kind of the cause, "none" without one."""
@@ -90,9 +98,7 @@ def prior_of(candidates: Sequence[Candidate]) -> FloatArray:
     return prior_odds([w.cause for w in candidates])
 
 
-def probabilities(
-    candidates: Sequence[Candidate],
-) -> tuple[FloatArray, FloatArray, FloatArray]:
+def probabilities(candidates: Sequence[Candidate]) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return the probability of each cause, of a remainder and of correlated noise given it."""
     parts = _alone_and_given(candidates)
     log_total = np.logaddexp.reduce(parts, axis=1)
@@ -108,9 +114,7 @@ def total_evidence(candidates: Sequence[Candidate]) -> FloatArray:
 
 
 def shares(
-    candidates: Sequence[Candidate],
-    probability: FloatArray,
-    group: Callable[[Candidate], str],
+    candidates: Sequence[Candidate], probability: FloatArray, group: Callable[[Candidate], str]
 ) -> dict[str, float]:
     """Return the probability of each group of candidates, given that something is wrong.
 
@@ -135,18 +139,14 @@ def _alone_and_given(candidates: Sequence[Candidate]) -> FloatArray:
     given = np.array(
         [[w.log_evidence_with_remainder, w.log_evidence_with_noise] for w in candidates]
     )
+    # correlated noise is as probable before the data given a cause as without one
+    odds = prior_of(candidates)
+    alone_too = [w.cause is not None and w.cause.is_correlated_noise for w in candidates]
+    paths = float(odds[alone_too].sum())
     # "none" with a remainder is "unexplained", which is compared separately
     named = np.array([w.cause is not None for w in candidates])
     splits = np.isfinite(given) & named[:, None]
-    prior = np.where(splits, [SETTINGS.prior_remainder, _prior_of_paths(candidates)], 0.0)
+    prior = np.where(splits, [SETTINGS.prior_remainder, paths / (paths + odds[0])], 0.0)
     with np.errstate(divide="ignore"):
         log_given = np.where(splits, given, 0.0) + np.log(prior)
     return np.column_stack([alone + np.log1p(-prior.sum(axis=1)), log_given])
-
-
-def _prior_of_paths(candidates: Sequence[Candidate]) -> float:
-    """Return how probable correlated noise is before the data: given a cause as without one."""
-    odds = prior_of(candidates)
-    alone = [w.cause is not None and w.cause.is_correlated_noise for w in candidates]
-    paths = float(odds[alone].sum())
-    return paths / (paths + odds[0])

@@ -17,7 +17,7 @@ import numpy as np
 
 from hybridsurrogate.effects.base import Nothing
 from hybridsurrogate.inference.conjugate.noise_marginal import KnownNoise, LogMarginal, NoiseTable
-from hybridsurrogate.inference.evidence.grid import Grid, best_levels, make_grid, refine, with_cells
+from hybridsurrogate.inference.evidence.grid import Grid, best_levels, make_grid, refine
 from hybridsurrogate.inference.evidence.linearised import (
     Columns,
     Linearised,
@@ -49,7 +49,12 @@ def on_working_rows(problem: Problem, posterior: Posterior) -> Problem:
         Of the estimator without effects.
     """
     if problem.likelihood.gaussian:
-        return _with_weights(problem)
+        if np.all(problem.weights == 1.0):
+            return problem
+        # N(y; m, sigma^2)^w is N(y; m, sigma^2 / w) but for a factor, which would make w
+        # measurements of one: a curve through each row would then leave no noise at all
+        model = replace(problem.model, has_row_noise=True)
+        return replace(problem, model=model, X=np.column_stack([problem.X, problem.weights**-0.5]))
     eta, noise = posterior.eta(problem.X)
     eta = np.mean(eta[np.isfinite(eta).all(axis=1)], axis=0)
     factor = problem.model.known_noise(problem.X)
@@ -58,18 +63,6 @@ def on_working_rows(problem: Problem, posterior: Posterior) -> Problem:
     model = replace(problem.model, has_row_noise=True)
     X = np.column_stack([problem.X, np.ones(len(eta))])
     return expanded(replace(problem, model=model, X=X), point)
-
-
-def _with_weights(problem: Problem) -> Problem:
-    """Return a problem whose rows have a variance of sigma^2 over their weight.
-
-    N(y; m, sigma^2)^w is N(y; m, sigma^2 / w) but for a factor, which would make w measurements of
-    one: a curve through each row would then leave no noise at all.
-    """
-    if np.all(problem.weights == 1.0):
-        return problem
-    model = replace(problem.model, has_row_noise=True)
-    return replace(problem, model=model, X=np.column_stack([problem.X, problem.weights**-0.5]))
 
 
 def expanded(problem: Problem, point: WorkingPoint) -> Problem:
@@ -152,7 +145,11 @@ class SearchContext:
     def of(cls, problem: Problem, emulator: EmulatorPosterior) -> SearchContext:
         """Return the context of a problem whose noise follows the emulator's mean."""
         problem = replace(problem, model=replace(problem.model, reference=emulator.mean))
-        return cls(problem, emulator, _marginal(problem))
+        n, errors = len(problem.y), problem.model.errors
+        if problem.noise_is_known:
+            return cls(problem, emulator, KnownNoise(n, float(problem.possible_sigma(1.0))))
+        least = 0.0 if errors is None else errors.least_sigma
+        return cls(problem, emulator, NoiseTable(problem.noise_prior, problem.scale, n, least))
 
     def at(self, problem: Problem) -> SearchContext:
         """Return the context of a problem with the same noise."""
@@ -283,13 +280,6 @@ class SearchContext:
         out[:, grid.nodes] = [to_normal([model.priors[k] for k in grid.nodes], p) for p in places]
         return list(out)
 
-    def placed_anew(
-        self, model: MeasuredModel, starts: Sequence[FloatArray], sigma: float, cells: Grid
-    ) -> Fitted:
-        """Fit a model from starts near its mode, its last cause's grid as fine as it was."""
-        grid = with_cells(make_grid(model), cells.edges, cells.log_weight)
-        return self.converge(Fitted(model, grid, self.climb(model, grid, starts, sigma), sigma))
-
     def _mean_node(self, accepted: Fitted) -> FloatArray:
         """Return the mean of the enumerated coordinates, (len(nodes),), around the best node.
 
@@ -325,12 +315,3 @@ class SearchContext:
             return mode.objective
         squares = max(mode.squares, len(problem.y) * (FLOOR * problem.scale) ** 2)
         return float(len(problem.y) * np.log(squares) + mode.objective - mode.squares / sigma**2)
-
-
-def _marginal(problem: Problem) -> LogMarginal:
-    """Return the integral over sigma, as far as it is unknown, for sums of squares."""
-    n, errors = len(problem.y), problem.model.errors
-    if problem.noise_is_known:
-        return KnownNoise(n, float(problem.possible_sigma(1.0)))
-    least = 0.0 if errors is None else errors.least_sigma
-    return NoiseTable(problem.noise_prior, problem.scale, n, least)

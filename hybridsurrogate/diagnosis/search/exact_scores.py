@@ -21,12 +21,12 @@ from hybridsurrogate.diagnosis.search.processes import with_processes
 from hybridsurrogate.diagnosis.search.search import Search, predict_locally, search
 from hybridsurrogate.effects.base import Cause
 from hybridsurrogate.effects.wrapped import Sized
-from hybridsurrogate.inference.evidence.grid import Grid
+from hybridsurrogate.inference.evidence.grid import Grid, make_grid, with_cells
 from hybridsurrogate.inference.evidence.levenberg_marquardt import is_followed
 from hybridsurrogate.inference.evidence.settings import SETTINGS
 from hybridsurrogate.inference.posterior_sampler import evidence_around
 from hybridsurrogate.inference.procedure import make_target
-from hybridsurrogate.model.observation import MeasuredModel, WorkingPoint
+from hybridsurrogate.model.observation import MeasuredModel
 from hybridsurrogate.model.problem import Problem
 from hybridsurrogate.priors import to_normal
 from hybridsurrogate.types import FloatArray
@@ -105,7 +105,9 @@ def _turned(result: Search, fit: Fitted, cells: Grid) -> Fitted:
     *before, one, other = fit.model.effects
     turned, order = fit.model.reordered((*before, other, one))
     starts = [z[order] for z in result.context.places_of(fit)]
-    return result.context.placed_anew(turned, starts, fit.sigma, cells)
+    context, grid = result.context, with_cells(make_grid(turned), cells.edges, cells.log_weight)
+    mode = context.climb(turned, grid, starts, fit.sigma)
+    return context.converge(Fitted(turned, grid, mode, fit.sigma))
 
 
 # places of one cause from which its modes are sought, and shares of the size's prior
@@ -128,7 +130,11 @@ def screened_at_best(result: Search, causes: Sequence[Cause]) -> Search:
     best = result.candidates[int(np.argmax(result.probability))]
     if not _is_scored(result) or best.cause is None:
         return result
-    again = result.context.at(expanded(result.problem, _point_at(result, best)))
+    problem, point = result.problem, result.problem.working_point
+    assert point is not None
+    sigma = best.fit.sigma if problem.likelihood.scales_noise else point.sigma
+    point = replace(point, eta=predict_locally(result, best, problem.X)[0], sigma=sigma)
+    again = result.context.at(expanded(problem, point))
     return with_processes(search(again, causes), bool(np.any(result.remainder)))
 
 
@@ -150,18 +156,10 @@ def scored(result: Search) -> Search:
     if 0 not in exact:
         return result
     nearest = max(exact, key=lambda k: weight[k])
-    candidates = []
-    for k, w in enumerate(result.candidates):
-        like = k if k in exact else nearest
-        moved = exact[like] - screened[like]
-        candidates.append(
-            w._replace(
-                log_evidence=w.log_evidence + moved,
-                log_evidence_with_remainder=w.log_evidence_with_remainder + moved,
-                log_evidence_with_noise=w.log_evidence_with_noise + moved,
-            )
-        )
-    return result.reweighed(candidates)
+    moved = {k: value - screened[k] for k, value in exact.items()}
+    return result.reweighed(
+        [w.moved(moved.get(k, moved[nearest])) for k, w in enumerate(result.candidates)]
+    )
 
 
 def _is_scored(result: Search) -> bool:
@@ -172,15 +170,6 @@ def _is_scored(result: Search) -> bool:
     """
     problem, basis = result.problem, result.problem.model.basis
     return problem.working_point is not None and basis.with_features is not None
-
-
-def _point_at(result: Search, w: Candidate) -> WorkingPoint:
-    """Return the working point at the fit of one cause."""
-    point = result.problem.working_point
-    assert point is not None
-    eta, _ = predict_locally(result, w, result.problem.X)
-    sigma = w.fit.sigma if result.problem.likelihood.scales_noise else point.sigma
-    return replace(point, eta=eta, sigma=sigma)
 
 
 def _log_evidence(result: Search, w: Candidate) -> float:

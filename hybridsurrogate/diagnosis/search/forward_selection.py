@@ -132,11 +132,13 @@ def _one_after_the_other(
             if tested is not None:
                 # given accepted causes, the evidence keeps their places fixed
                 bounds = () if steps else (evidence_bound(screened), evidence_bound(result))
-                test = _tested(screened, *tested, bounds, false_alarm_rate)
+                test = _tested(screened, *tested, bounds)
             # the p-value guards against noise, the probability against a cause that is no better
             by_chance = test is not None and test.p_value > false_alarm_rate
             if by_chance or result.probability[0] > 0.5:
-                return _alone(steps) or [SearchStep(result, test, result.candidates[0], result)]
+                if len(steps) == 1:  # alone the most probable cause counts
+                    steps = [replace(steps[0], chosen=_first_choice(steps[0].search))]
+                return steps or [SearchStep(result, test, result.candidates[0], result)]
             chosen, conditional = _first_choice(result), None
             tried: tuple[Search, ...] = ()
             if len(steps) + 1 < max_causes:
@@ -155,7 +157,6 @@ def _tested(
     n_replicates: int,
     random_state: np.random.RandomState,
     bounds: Sequence[float],
-    false_alarm_rate: float,
 ) -> NullTest:
     """Return the null test; without replicates where the bounds alone decide.
 
@@ -165,21 +166,15 @@ def _tested(
     if bounds and max(bounds) <= least:
         # no replicates could show less: a quarter of the time of 40 rows, a third of 4,000
         return NullTest(np.nan, np.empty(0), bound, least)
-    # where nothing may be detected, how large a fault would have shown is asked next
-    with_faults = bool(bounds) and bounds[0] > false_alarm_rate
-    return null_test(screened, n_replicates, random_state, with_faults)._replace(bound=bound)
-
-
-def _has_many_rows(problem: Problem) -> bool:
-    """Return whether there are enough rows for a sample of them, of one output and normal noise."""
-    plain = problem.working_point is None and problem.stacking is None
-    return plain and len(problem.y) >= 2 * _SAMPLE
+    return null_test(screened, n_replicates, random_state)._replace(bound=bound)
 
 
 def _in_a_sample(context: SearchContext, causes: Sequence[Cause]) -> Search | None:
     """Return the search in a sample of many rows, None of few: what is far behind there is left."""
     problem = context.problem
-    if not _has_many_rows(problem):
+    # of one output and normal noise
+    plain = problem.working_point is None and problem.stacking is None
+    if not plain or len(problem.y) < 2 * _SAMPLE:
         return None
     # a fixed sample: the search is reproducible
     rows = np.sort(np.random.RandomState(0).choice(len(problem.y), _SAMPLE, replace=False))
@@ -280,14 +275,6 @@ def _first_choice(result: Search) -> Candidate:
         if likely and w is not first and draw_the_same(result, first, w):
             return w
     return first
-
-
-def _alone(steps: list[SearchStep]) -> list[SearchStep]:
-    """Return the steps; a single one has the most probable cause alone."""
-    if len(steps) != 1:
-        return steps
-    result = steps[0].search
-    return [replace(steps[0], chosen=_first_choice(result))]
 
 
 def _search_given(

@@ -12,10 +12,7 @@ from hybridsurrogate.diagnosis.search.candidate import prior_of
 from hybridsurrogate.diagnosis.search.context import Fitted, SearchContext
 from hybridsurrogate.diagnosis.search.search import Search
 from hybridsurrogate.inference.evidence.grid import Grid, make_grid
-from hybridsurrogate.inference.evidence.linearised import (
-    is_long,
-    linearised_pieces,
-)
+from hybridsurrogate.inference.evidence.linearised import is_long, linearised_pieces
 from hybridsurrogate.inference.evidence.marginal_likelihood import scan
 from hybridsurrogate.model.observation import MeasuredModel
 from hybridsurrogate.simulation.outputs import OUTPUT
@@ -24,20 +21,6 @@ from hybridsurrogate.types import FloatArray
 # data sets of each shape and size of a fault; sizes in units of what the null leaves, after one
 # scaling
 _SETS, _SIZES = 8, np.geomspace(0.25, 16.0, 7)
-
-
-class Faults(NamedTuple):
-    """T of data sets with a known fault.
-
-    Attributes
-    ----------
-    sizes : ndarray of shape (k,)
-        Root mean squares of the faults, on the scale of eta.
-    statistic : ndarray of shape (n_shapes, k, n_sets)
-    """
-
-    sizes: FloatArray
-    statistic: FloatArray
 
 
 class NullTest(NamedTuple):
@@ -53,15 +36,12 @@ class NullTest(NamedTuple):
         What Markov's inequality leaves to such evidence, see `evidence_bound`.
     least : float
         1 / (1 + R), as asked for: R replicates can show no less.
-    faults : Faults or None
-        None: not looked at.
     """
 
     statistic: float
     replicates: FloatArray
     bound: float
     least: float
-    faults: Faults | None = None
 
     def __repr__(self) -> str:
         n = len(self.replicates)
@@ -81,12 +61,7 @@ class NullTest(NamedTuple):
         return min(self.share, max(self.bound, self.least))
 
 
-def null_test(
-    result: Search,
-    n_replicates: int,
-    random_state: np.random.RandomState,
-    with_faults: bool = False,
-) -> NullTest:
+def null_test(result: Search, n_replicates: int, random_state: np.random.RandomState) -> NullTest:
     """Repeat the whole search on replicates of "nothing is wrong" at the same inputs.
 
     Every cause is linearised once, at the null fit and where it changes nothing: designs do not
@@ -103,23 +78,13 @@ def null_test(
     result : Search
     n_replicates : int
     random_state : RandomState
-    with_faults : bool, default=False
-        Also look at data sets with faults of known sizes, see `faults_of`: in one batch with the
-        null test.
     """
     responses = np.vstack([result.problem.y, replicates(result, n_replicates, random_state)])
-    least = 1 / (1 + n_replicates)
-    if not with_faults:
-        statistic = evidence_ratios(result, responses)
-        return NullTest(float(statistic[0]), statistic[1:], 1.0, least)
-    sizes, data = _faulty(result)
-    statistic = evidence_ratios(result, np.vstack([responses, data.reshape(-1, data.shape[-1])]))
-    own, of_faults = np.split(statistic, [len(responses)])
-    faults = Faults(sizes, of_faults.reshape(data.shape[:-1]))
-    return NullTest(float(own[0]), own[1:], 1.0, least, faults)
+    statistic = evidence_ratios(result, responses)
+    return NullTest(float(statistic[0]), statistic[1:], 1.0, 1 / (1 + n_replicates))
 
 
-def faults_of(result: Search) -> Faults:
+def faults_of(result: Search) -> tuple[FloatArray, FloatArray]:
     """Return T of data sets with faults of a few shapes and sizes.
 
     A step in the middle and a straight line over each input are added to replicates of "nothing is
@@ -128,18 +93,19 @@ def faults_of(result: Search) -> Faults:
     Parameters
     ----------
     result : Search
+
+    Returns
+    -------
+    sizes : ndarray of shape (k,)
+        Root mean squares of the faults, on the scale of eta.
+    statistic : ndarray of shape (n_shapes, k, n_sets)
     """
-    sizes, data = _faulty(result)
-    statistic = evidence_ratios(result, data.reshape(-1, data.shape[-1]))
-    return Faults(sizes, statistic.reshape(data.shape[:-1]))
-
-
-def _faulty(result: Search) -> tuple[FloatArray, FloatArray]:
-    """Return sizes of faults and responses with them, (shapes, sizes, sets, n)."""
     # a fixed stream: a verdict is reproducible
     null = replicates(result, _SETS, np.random.RandomState(0))
     sizes = float(np.std(null - null.mean(axis=0))) * _SIZES
-    return sizes, null + sizes[:, None, None] * _shapes(result)[:, None, None, :]
+    data = null + sizes[:, None, None] * _shapes(result)[:, None, None, :]
+    statistic = evidence_ratios(result, data.reshape(-1, data.shape[-1]))
+    return sizes, statistic.reshape(data.shape[:-1])
 
 
 def _shapes(result: Search) -> FloatArray:

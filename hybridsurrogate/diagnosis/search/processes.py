@@ -7,7 +7,7 @@ order what integrating over them would add is the same for all.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -39,8 +39,7 @@ def at_noise_of(problem: Problem, posterior: Posterior) -> Problem:
         return problem
     draws = posterior.estimates(free)
     ratios = (1.0, *(float(np.median(values)) for values in draws.values()))
-    effects = [_at(e, ratios) if _is_noise(e) else e for e in problem.model.effects]
-    return replace(problem, model=problem.model.with_effects(effects))
+    return replace(problem, model=_with_ratios(problem.model, ratios))
 
 
 def at_best_noise(result: Search, with_remainder: bool) -> Search:
@@ -73,7 +72,7 @@ def _best(result: Search, w: Candidate) -> Fitted:
     for _ in range(_ROUNDS):
         ratios, sigma = _updated(result, w)
         model, grid, mode, _ = w.fit
-        model = model.with_effects([_at(e, ratios) if _is_noise(e) else e for e in model.effects])
+        model = _with_ratios(model, ratios)
         w = w._replace(fit=result.context.converge(Fitted(model, grid, mode, sigma)))
     return w.fit
 
@@ -93,9 +92,8 @@ def _updated(result: Search, w: Candidate) -> tuple[tuple[float, ...], float]:
     rows = dict(zip(w.fit.model.columns, problem.X.T, strict=False))
     squares = squares / (noise / _noise_of(w.fit.model).noise(rows, {})) ** 2
     which = problem.X[:, problem.stacking.at]
-    each = np.array(
-        [np.sqrt(np.mean(squares[which == k])) for k in range(len(problem.stacking.names))]
-    )
+    outputs = range(len(problem.stacking.names))
+    each = np.sqrt([np.mean(squares[which == k]) for k in outputs])
     each = np.maximum(each, FLOOR * problem.scale)
     return tuple((each / each[0]).tolist()), float(each[0])
 
@@ -108,8 +106,10 @@ def _noise_of(model: MeasuredModel) -> OutputNoise:
     return next(effect for effect in model.effects if isinstance(effect, OutputNoise))
 
 
-def _at(cause: Cause, ratios: Sequence[float]) -> Cause:
-    return cause.filled(ratios=tuple(ratios))
+def _with_ratios(model: MeasuredModel, ratios: tuple[float, ...]) -> MeasuredModel:
+    return model.with_effects(
+        [e.filled(ratios=ratios) if _is_noise(e) else e for e in model.effects]
+    )
 
 
 # probability of a cause together with correlated noise

@@ -81,12 +81,7 @@ def best_modes(
     return fits, behind
 
 
-def _followed(
-    context: SearchContext,
-    model: MeasuredModel,
-    grid: Grid,
-    null: Fitted,
-) -> Fitted:
+def _followed(context: SearchContext, model: MeasuredModel, grid: Grid, null: Fitted) -> Fitted:
     """Fit a cause whose unknowns are all followed, from many starts."""
     X, y, emulator = context.problem.X, context.problem.y, context.emulator
     plain, floor = grid.followed(), SETTINGS.exact_fit * null.sigma
@@ -112,12 +107,7 @@ def _unchanged(
     return Fitted(model, grid, mode, other.sigma)
 
 
-def _once(
-    context: SearchContext,
-    model: MeasuredModel,
-    grid: Grid,
-    null: Fitted,
-) -> Fitted:
+def _once(context: SearchContext, model: MeasuredModel, grid: Grid, null: Fitted) -> Fitted:
     """Climb once, on the first grid."""
     starts, sigma = _starts(model, grid, null), null.sigma
     args = model, context.problem.X, context.problem.y, context.emulator
@@ -141,10 +131,7 @@ def _once(
 
 
 def _far_behind(
-    context: SearchContext,
-    fits: Sequence[Fitted],
-    log_prior: FloatArray,
-    margin: float,
+    context: SearchContext, fits: Sequence[Fitted], log_prior: FloatArray, margin: float
 ) -> FloatArray:
     """Return the log evidence of causes that are far behind; NaN for the others, failed or not.
 
@@ -171,10 +158,7 @@ def _far_behind(
 
 
 def _between_nodes(
-    context: SearchContext,
-    fit: Fitted,
-    nodes: FloatArray,
-    sizes: FloatArray,
+    context: SearchContext, fit: Fitted, nodes: FloatArray, sizes: FloatArray
 ) -> float:
     """Return how many nats more a finer grid around the best nodes reaches, not optimised."""
     density = nodes - fit.grid.log_weight
@@ -280,13 +264,10 @@ class Search:
     @property
     def credible_kinds(self) -> list[str]:
         """The kinds that together reach 90 % probability, most probable first."""
-        kinds, mass = [], 0.0
-        for kind, share in sorted(self.kind_shares.items(), key=lambda item: -item[1]):
-            kinds.append(kind)
-            mass += share
-            if mass >= SETTINGS.set_mass:
-                break
-        return kinds
+        ordered = sorted(self.kind_shares.items(), key=lambda item: -item[1])
+        mass = np.cumsum([share for _, share in ordered])
+        enough = int(np.searchsorted(mass, SETTINGS.set_mass)) + 1
+        return [kind for kind, _ in ordered[:enough]]
 
     def place_of(self, cause: Cause | None) -> int | None:
         """Return the position of a cause, None where it was not compared."""
@@ -415,10 +396,7 @@ def _ends(nearby: Search, leads: bool) -> list[Fitted | None]:
 
 
 def _compare(
-    context: SearchContext,
-    causes: Sequence[Cause],
-    modes: Sequence[Fitted],
-    known: FloatArray,
+    context: SearchContext, causes: Sequence[Cause], modes: Sequence[Fitted], known: FloatArray
 ) -> Search:
     """Compare "nothing is wrong" and the first so many causes at their best fits.
 
@@ -480,10 +458,7 @@ def measured_and_other(
 def _at_node(result: Search, w: Candidate, X: FloatArray, node: int) -> Linearised:
     grid = w.fit.grid
     if len(grid.nodes):
-        index = slice(node, node + 1)
-        grid = replace(
-            grid, points=grid.points[index], edges=grid.edges[index], log_weight=np.zeros(1)
-        )
+        grid = replace(grid.at(np.array([node])), log_weight=np.zeros(1))
     return linearise(w.fit.model, X, result.context.emulator, grid, w.fit.mode.z)
 
 

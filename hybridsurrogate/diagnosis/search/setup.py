@@ -26,10 +26,7 @@ from hybridsurrogate.inference.procedure import at_prior_ends
 from hybridsurrogate.model.context import check_effects
 from hybridsurrogate.model.posterior import Posterior
 from hybridsurrogate.model.problem import Problem
-from hybridsurrogate.model.statistics import (
-    EmulatorPosterior,
-    emulator_posterior,
-)
+from hybridsurrogate.model.statistics import EmulatorPosterior, emulator_posterior
 from hybridsurrogate.priors import to_normal
 from hybridsurrogate.simulation.arrays import is_whole
 from hybridsurrogate.simulation.simulator import SimulationData
@@ -114,7 +111,10 @@ def prepare(
     at = problem.model.values(problem.good)
     context = plain.context_of(problem, coefficients, at)
     if problem.stacking is None:
-        context = replace(context, missed=_missed(problem, coefficients))
+        with np.errstate(over="ignore", invalid="ignore"):
+            output, _, noise = problem.model.simulated(problem.X, at, coefficients)
+            missed = np.nan_to_num((problem.y - output[0]) / noise[0])
+        context = replace(context, missed=missed)
     if problem.model.basis.is_simulation:
         ends = {one.name: one.mean for one in at_prior_ends(fitted.posterior_)}
         context = replace(context, at_prior_end=ends)
@@ -128,14 +128,6 @@ def prepare(
             unusable.append(Skipped(cause.kind, cause.target, reason))
     causes, skipped = catalogue(context, usable, excluded, alone=max_causes == 1)
     return Prepared(problem, causes, [*unusable, *skipped], unusable)
-
-
-def _missed(problem: Problem, coefficients: FloatArray) -> FloatArray:
-    """Return the residuals of the best draw, (n,), in units of the noise factor."""
-    at = problem.model.values(problem.good)
-    with np.errstate(over="ignore", invalid="ignore"):
-        output, _, noise = problem.model.simulated(problem.X, at, coefficients)
-        return np.nan_to_num((problem.y - output[0]) / noise[0])
 
 
 def _best_draw(fitted: PowerScaledSurrogate, problem: Problem) -> FloatArray:

@@ -192,11 +192,7 @@ def _drawn(model: MeasuredModel, grid: Grid, random: np.random.RandomState) -> G
 
 
 def _shapes(
-    place: Place,
-    cause: Cause,
-    parts: Linearised,
-    output: FloatArray,
-    random: np.random.RandomState,
+    place: Place, cause: Cause, parts: Linearised, output: FloatArray, random: np.random.RandomState
 ) -> Shapes:
     """Return shapes, one for each node, each with a random direction of its coefficients.
 
@@ -235,27 +231,13 @@ def _shapes(
     return Shapes(curves, factors, smallest, largest, weight * valid, False)
 
 
-class Hidden(NamedTuple):
-    """Data sets with a cause of one kind and size.
-
-    Attributes
-    ----------
-    responses : ndarray of shape (m, n)
-    change : ndarray of shape (m,)
-        The largest change of a row without noise, on the scale of eta.
-    """
-
-    responses: FloatArray
-    change: FloatArray
-
-
 def hidden(
     place: Place,
     shapes: Sequence[tuple[Cause, Shapes]],
     size: float,
     m: int,
     random: np.random.RandomState,
-) -> Hidden | None:
+) -> tuple[FloatArray, FloatArray] | None:
     """Draw m data sets with a cause of a kind; None where none of its forms has this size.
 
     Parameters
@@ -266,6 +248,12 @@ def hidden(
     size : float
     m : int
     random : RandomState
+
+    Returns
+    -------
+    responses : ndarray of shape (m, n)
+    change : ndarray of shape (m,)
+        The largest change of a row without noise, on the scale of eta.
     """
     odds = prior_odds([cause for cause, _ in shapes])
     able = np.array([one.weight_at(size).any() for _, one in shapes])
@@ -282,7 +270,7 @@ def hidden(
             curves.append(both[0])
             factors.append(both[1])
     added, factor = np.concatenate(curves), np.concatenate(factors)
-    return Hidden(place.responses(added, factor, random), np.max(np.abs(added), axis=1))
+    return place.responses(added, factor, random), np.max(np.abs(added), axis=1)
 
 
 # the word for data sets in which nothing is wrong, or nothing is detected
@@ -426,7 +414,9 @@ def detectable(result: Search, test: NullTest, rate: float) -> pd.DataFrame:
         made = [(size, one) for size, one in drawn if one is not None]
         if not made:
             continue
-        evidence = log_evidence(place, own, np.concatenate([one.responses for _, one in made]))
+        evidence = log_evidence(
+            place, own, np.concatenate([responses for _, (responses, _) in made])
+        )
         better = np.max(evidence[:, 1:], axis=1) - evidence[:, 0] > limit
         odds = special.logsumexp(evidence[:, 1:] + prior[1:], axis=1) - evidence[:, 0] - prior[0]
         seen = (better & (odds >= 0)).reshape(len(made), _SETS)
@@ -481,11 +471,7 @@ def size_at(sizes: FloatArray, rate: FloatArray, power: float) -> float:
     return float(np.exp(size[k - 1] + share * (size[k] - size[k - 1])))
 
 
-# share of the data sets in which a fault has to show
-_POWER = 0.9
-
-
-def smallest_detectable(result: Search, test: NullTest | None, rate: float) -> float | None:
+def smallest_detectable(result: Search, test: NullTest, rate: float) -> float | None:
     """Return the root mean square of the smallest fault that would have been detected.
 
     A fault of some size shows where the p-value of the whole search is at most ``rate`` in nine of
@@ -496,7 +482,7 @@ def smallest_detectable(result: Search, test: NullTest | None, rate: float) -> f
     ----------
     result : Search
         The first one.
-    test : NullTest or None
+    test : NullTest
         Of the same search.
     rate : float
         False alarm rate.
@@ -507,18 +493,13 @@ def smallest_detectable(result: Search, test: NullTest | None, rate: float) -> f
         On the scale of eta. None where rows do not vary along an input, or no such fault up to 16
         times the residual and the emulator's error shows.
     """
-    if test is None:
-        return None
     limit = float(np.quantile(test.replicates, 1 - rate, method="higher"))
-    sizes, statistic = test.faults or faults_of(result)
+    sizes, statistic = faults_of(result)
     if not len(statistic):
         return None
-    return _median_size(np.mean(statistic > limit, axis=2), sizes)
-
-
-def _median_size(power: FloatArray, sizes: FloatArray) -> float | None:
-    """Return the median over shapes of the size from which on all larger ones show."""
-    enough = np.flip(np.cumprod(np.flip(power >= _POWER, axis=1), axis=1), axis=1).astype(bool)
+    enough = np.mean(statistic > limit, axis=2) >= POWER
+    # the size from which on all larger ones show
+    enough = np.flip(np.cumprod(np.flip(enough, axis=1), axis=1), axis=1).astype(bool)
     least = np.where(enough.any(axis=1), sizes[np.argmax(enough, axis=1)], np.inf)
     median = float(np.sort(least)[(len(least) - 1) // 2])
     return median if np.isfinite(median) else None

@@ -16,10 +16,7 @@ from hybridsurrogate.diagnosis.answers.averaging import averaged_over
 from hybridsurrogate.diagnosis.answers.extension import extend_simulator
 from hybridsurrogate.diagnosis.search.candidate import Candidate
 from hybridsurrogate.diagnosis.search.context import on_working_rows
-from hybridsurrogate.diagnosis.search.forward_selection import (
-    SearchStep,
-    forward_search,
-)
+from hybridsurrogate.diagnosis.search.forward_selection import SearchStep, forward_search
 from hybridsurrogate.diagnosis.search.search import Search, local_posterior, measured_and_other
 from hybridsurrogate.diagnosis.search.setup import prepare, with_basis
 from hybridsurrogate.diagnosis.validation.gain import in_one_word
