@@ -297,23 +297,6 @@ class PlainProblem:
         return with_slopes(context, model, problem.X, c, values)
 
 
-def make_problem(
-    simulation: SimulationData | Simulator | None,
-    surrogate: Surrogate,
-    likelihood: Likelihood,
-    noise_prior: Prior | None,
-    effects: tuple[Cause, ...],
-    columns: tuple[str, ...],
-    X: FloatArray,
-    y: FloatArray,
-) -> Problem:
-    """Return the problem of rows of one output, as they are."""
-    ones, order = np.ones(len(y)), range(len(columns))
-    data = MeasuredData(X, y, ones, None, order, columns, simulation, None, None)
-    plain = plain_problem(data, surrogate, likelihood, noise_prior)
-    return plain.on_rows(X, y, ones).with_effects(effects)
-
-
 def plain_problem(
     data: MeasuredData,
     surrogate: Surrogate,
