@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import csv
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -19,6 +21,8 @@ from hybridsurrogate.model.context import at_medians, make_context, with_slopes
 from hybridsurrogate.model.observation import MeasuredModel
 from hybridsurrogate.surrogates.families.parametric import ExactBasis
 
+# the row of each form in the tables of the page: the catalogue itself needs none
+ROWS = Path(__file__).parent / "reference" / "causes.csv"
 # what stands in a sentence for names, as in the formulas
 _NAMES = {"output": "the output", "target": "`x`", "column": "`x`"}
 _OTHERS = {
@@ -142,7 +146,10 @@ def _section(kind: str, pictures: dict[str, str], folder: str) -> str:
     if meaning:
         sentence = meaning.format_map(_NAMES | _OTHERS.get(kind, {}))
         lines += [f"{sentence[0].upper()}{sentence[1:]}.", ""]
-    near = ", ".join(f"[{other}](#{other})" for other in forms[0].like)
+    heads, rows = table()
+    # a form without a row has its name alone
+    cells = [rows.get(one.name, ["", f"`{one.cause.__name__}`"]) for one in forms]
+    near = ", ".join(f"[{other}](#{other})" for other in cells[0][0].split())
     lines += [f"Easily taken for: {near}.", ""] if near else []
     shown = [pictures[form.name] for form in forms if form.name in pictures]
     if shown:
@@ -150,10 +157,14 @@ def _section(kind: str, pictures: dict[str, str], folder: str) -> str:
         for picture in shown:
             lines += [":::{grid-item}", f"![{picture[:-4]}]({folder}/{picture})", ":::"]
         lines += ["::::", ""]
-    lines += [
-        "| cause | formula | parameters and their priors | estimates | left out when |",
-        "|---|---|---|---|---|",
-    ]
-    for form in forms:
-        lines.append(f"| {' | '.join(form.cells)} |")
+    lines += [f"| {' | '.join(heads)} |", f"|{'---|' * len(heads)}"]
+    lines += [f"| {' | '.join(row)} |" for _, *row in cells]
     return "\n".join([*lines, ""])
+
+
+@cache
+def table() -> tuple[list[str], dict[str, list[str]]]:
+    """Return the heads of the tables, and the row of each form by its name, after its like."""
+    with ROWS.open(encoding="utf-8", newline="") as file:
+        (_, _, *heads), *rows = csv.reader(file)
+    return heads, {name: cells for name, *cells in rows}

@@ -12,11 +12,10 @@ import inspect
 from collections.abc import Callable, Mapping
 from functools import lru_cache, partial
 from numbers import Integral
-from typing import Any, ClassVar, Literal, Self, get_args
+from typing import TYPE_CHECKING, Any, ClassVar, Literal, Self, get_args
 
 import numpy as np
 from numpy.typing import NDArray
-from sklearn.base import BaseEstimator
 
 from hybridsurrogate.arguments import (
     as_real,
@@ -38,6 +37,18 @@ from hybridsurrogate.effects.expressions import (
 from hybridsurrogate.priors import check_prior, check_priors
 from hybridsurrogate.simulation.modification import Modification
 from hybridsurrogate.types import FloatArray, Prior
+
+if TYPE_CHECKING:
+    # scikit-learn has no types: of a class that may be anything, no arguments are checked
+
+    class BaseEstimator:
+        """What causes have of that class."""
+
+        def get_params(self, deep: bool = True) -> dict[str, Any]:
+            """Return the arguments of the constructor."""
+
+else:
+    from sklearn.base import BaseEstimator
 
 
 def _check_cause(value: Any, name: str) -> None:
@@ -82,18 +93,24 @@ def check_arguments(cause: Cause) -> None:
     TypeError: column of Trend must be a name, such as "t", got ['t'] (list).
     """
     kind: Any = type(cause)
-    for name, annotation in _annotations(kind).items():
-        value = getattr(cause, name, None)
-        if value is not None or not annotation.endswith("| None"):
-            _CHECKS[annotation.removesuffix(" | None")](value, f"{name} of {kind.__name__}")
+    for name, check in _checks_of(kind).items():
+        check(getattr(cause, name, None), f"{name} of {kind.__name__}")
 
 
 @lru_cache(maxsize=256)
-def _annotations(kind: type[Cause]) -> dict[str, str]:
-    """Return the annotations of a constructor that have a check."""
-    arguments = inspect.signature(kind).parameters.values()
-    own = {one.name: one.annotation for one in arguments if isinstance(one.annotation, str)}
-    return {name: text for name, text in own.items() if text.removesuffix(" | None") in _CHECKS}
+def _checks_of(kind: type[Cause]) -> dict[str, Callable[[Any, str], Any]]:
+    """Return the checks of a constructor's arguments; one of which None is the default may be."""
+    out: dict[str, Callable[[Any, str], Any]] = {}
+    for one in inspect.signature(kind).parameters.values():
+        check = _CHECKS.get(str(one.annotation).removesuffix(" | None"))
+        if check is not None:
+            out[one.name] = partial(_if_given, check) if one.default is None else check
+    return out
+
+
+def _if_given(check: Callable[[Any, str], Any], value: Any, name: str) -> None:
+    if value is not None:
+        check(value, name)
 
 
 Act = Literal["inputs", "gain", "response", "noise", "outliers", "overdispersion"]
@@ -107,6 +124,14 @@ ROW = "position of the row"
 # that of known errors of the rows, on the scale of eta, in a last column of rows X
 ERROR = "error of the row"
 NOISE_SD = "sd of the noise"
+
+
+def of_wave(theta: Rows) -> dict[str, FloatArray]:
+    """Return numbers by name, those of a sine and a cosine as their amplitude."""
+    if "cosine" not in theta:
+        return dict(theta)
+    amplitude = np.hypot(theta["sine"], theta["cosine"])
+    return {"period": np.asarray(theta["period"]), "amplitude": amplitude}
 
 
 def quantiles(prior: Prior, n: int) -> FloatArray:
@@ -403,6 +428,8 @@ class Cause(BaseEstimator):
     def estimates(self, theta: Rows, coefficients: Rows) -> dict[str, FloatArray]:
         """Return draws of what a report states, in the user's units.
 
+        By default all of theta, and the coefficients unless they are the basis of a process.
+
         Parameters
         ----------
         theta, coefficients : dict of name to ndarray of shape (n_draws,)
@@ -412,7 +439,7 @@ class Cause(BaseEstimator):
         -------
         dict of name to ndarray of shape (n_draws,)
         """
-        return {**theta, **coefficients}
+        return dict(theta) if self.is_process else {**theta, **coefficients}
 
     def formula(self, values: Mapping[str, float]) -> str:
         """Return the extended simulation in plain text, with numbers.

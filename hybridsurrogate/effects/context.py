@@ -214,7 +214,7 @@ Rows = Mapping[str, FloatArray]  # a name and its values in n rows
 # logarithm of a factor, six scales of its usual prior
 _ANOTHER_ORDER = 2.0
 # integers that count this many experiments of so many rows are labels
-_LEAST_EXPERIMENTS, _ROWS_OF_ONE = 3, 3
+_LEAST_EXPERIMENTS, ROWS_OF_LEVEL = 3, 3
 # labels of more experiments have no separate levels
 MOST_EXPERIMENTS = 20
 # so many whole numbers one apart are an axis
@@ -361,6 +361,21 @@ class Context:
         low, high = priors[quantity].ppf([0.16, 0.84])
         return float(high - low) / 2
 
+    def parameter(self, name: str) -> Prior:
+        """Return the prior of a parameter; raise ValueError when there is none of that name."""
+        if name not in self.parameters:
+            raise ValueError(
+                f"{name!r} is not a parameter of the simulation; these are: "
+                f"{list(self.parameters)}.{did_you_mean(name, self.parameters)}"
+            )
+        return self.parameters[name]
+
+    def check_level(self, column: str, level: float) -> None:
+        """Raise ValueError where a column never has a value."""
+        found = self.axis(column).rows
+        if level not in found:
+            raise ValueError(f"{column!r} is never {level!r}; it is {list(found)}.")
+
     def axis(self, column: str) -> Axis:
         """Return where the measured rows lie along a column."""
         if column not in self._axes:
@@ -467,7 +482,7 @@ def _counts_experiments(values: FloatArray) -> bool:
     counted = levels[0] + np.arange(len(levels))
     return bool(
         len(levels) >= _LEAST_EXPERIMENTS
-        and rows.min() >= _ROWS_OF_ONE
+        and rows.min() >= ROWS_OF_LEVEL
         and levels[0] in (0, 1)
         and np.array_equal(levels, counted)
     )

@@ -352,13 +352,13 @@ def _whole(code: Code, values: Values, spans: Mapping[str, float]) -> _Node:
     return _multiplied(reader.word("of"), change) if code.does == "scales rate" else change
 
 
+@dataclass(eq=False, repr=False)
 class _Reader:
     """Reads a template, with words and numbers for its names."""
 
-    def __init__(self, code: Code, values: Values, spans: Mapping[str, float]) -> None:
-        self.code = code
-        self.values = values
-        self.spans = spans
+    code: Code
+    values: Values
+    spans: Mapping[str, float]
 
     def read(self, template: str) -> _Node:
         names = {name: name for name in names_in(template)}

@@ -2,21 +2,38 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 from scipy import stats
 
+from hybridsurrogate.arguments import check_choice
 from hybridsurrogate.effects.base import Cause, Context, Declared, FloatArray, Rows
-from hybridsurrogate.effects.context import MOST_EXPERIMENTS, UNKNOWN, Axis, trouble_with_labels
+from hybridsurrogate.effects.context import (
+    MOST_EXPERIMENTS,
+    ROWS_OF_LEVEL,
+    UNKNOWN,
+    Axis,
+    trouble_with_labels,
+)
 from hybridsurrogate.effects.expressions import Code, LevelTable
-from hybridsurrogate.effects.over_column import OverColumn
-from hybridsurrogate.effects.registry import Form, over_extras, over_inputs, register
+from hybridsurrogate.effects.over_column import AtLevel, OverColumn
+from hybridsurrogate.effects.registry import (
+    Form,
+    needs,
+    over_extras,
+    over_ignored,
+    over_inputs,
+    register,
+)
 from hybridsurrogate.exceptions import did_you_mean
 from hybridsurrogate.priors import frozen
 from hybridsurrogate.types import Prior
 
 
+@dataclass(eq=False, repr=False)
 class Delay(Declared):
     """The simulation run at a shifted input: a response that is late, a clock set wrongly.
 
@@ -45,9 +62,8 @@ class Delay(Declared):
     about = "column"
     unknowns = ("lag",)
 
-    def __init__(self, column: str, lag: Prior | None = None):
-        self.column = column
-        self.lag = lag
+    column: str
+    lag: Prior | None = None
 
     def prepare(self, context: Context) -> Cause:
         """Fill in the prior from the measured rows."""
@@ -73,26 +89,18 @@ class Delay(Declared):
         return Code("{x} - {lag}", {"lag": "{x}"}, {"x": self.column}, does="moves", of=self.column)
 
 
-def _trouble_of_delay(cause: Cause, context: Context) -> str | None:
-    # a shift is one number and no shape, but one from label to label means nothing
-    return trouble_with_labels(cause.target or "", context)
-
-
 register(
     Form(
         "delay",
         Delay,
         over_inputs(Delay),
-        meaning="the measurements lag behind the simulation, or run ahead of it, in {column}, as "
-        "where its clock or its sensor is off",
-        trouble=_trouble_of_delay,
-        like=("periodic", "wrong-constant"),
+        meaning=(
+            "the measurements lag behind the simulation, or run ahead of it, in {column}, as "
+            "where its clock or its sensor is off"
+        ),
+        # a shift is one number and no shape, but one from label to label means nothing
+        trouble=lambda cause, context: trouble_with_labels(cause.target or "", context),
         headline="The measurements come {lag:size} {lag:later|earlier} than in the simulation",
-        formula="eta(x - lag), x an input, of which the clock or the sensor is off; not cut off at "
-        "the simulated range",
-        priors="lag: Cauchy, scale a tenth of the span",
-        estimates="lag",
-        left_out="one distinct value, or fewer than 5 whole numbers one apart, which may be labels",
     )
 )
 
@@ -126,11 +134,9 @@ class Friction(OverColumn):
 
     kind = "missing-input"
     coefficients = ("viscous", "dry")
-
-    @property
-    def variant(self) -> str:
-        """The name of this form, which differs from a straight line."""
-        return "friction"
+    variant = "friction"
+    expression = "{viscous} * {x} + {dry} * np.sign({x})"
+    units: ClassVar[Mapping[str, str]] = {"viscous": "{y} / {x}", "dry": "{y}"}
 
     def columns(self, X: Rows, theta: Rows) -> FloatArray:
         """Return the column in half spans, and its sign."""
@@ -143,14 +149,6 @@ class Friction(OverColumn):
             "viscous": 2 / self.axis.span * np.asarray(coefficients["viscous"]),
             "dry": np.asarray(coefficients["dry"]),
         }
-
-    def code(self) -> Code:
-        """Return the cause as Python."""
-        return Code(
-            "{viscous} * {x} + {dry} * np.sign({x})",
-            {"viscous": "{y} / {x}", "dry": "{y}"},
-            {"x": self.column},
-        )
 
 
 def _trouble(cause: Cause, context: Context) -> str | None:
@@ -167,23 +165,24 @@ register(
         "missing-input: friction",
         Friction,
         over_extras(Friction),
-        meaning="{output} has a part that turns with the sign of {target}, which the simulation "
-        "ignores, and one in proportion to it, as dry and viscous friction",
+        meaning=(
+            "{output} has a part that turns with the sign of {target}, which the simulation "
+            "ignores, and one in proportion to it, as dry and viscous friction"
+        ),
         least_distinct=6,
         trouble=_trouble,
         headline="{output} depends on {target} as by friction, which the simulation ignores",
-        estimates="viscous, dry",
-        left_out="fewer than 3 distinct values on one side of zero",
     )
 )
 
 
 _SHAPES = ("linear", "quadratic", "categorical")
-# levels of a quantity, and rows of each
-_MOST_LEVELS, _ROWS_PER_LEVEL = 6, 3
+# levels of a quantity
+_MOST_LEVELS = 6
 
 
-class MissingInput(OverColumn):
+@dataclass(eq=False, repr=False)
+class MissingInput(AtLevel, OverColumn):
     """An influence of a measured column that the simulation ignores.
 
     - ``shape="linear"``: ``simulation + slope (x - center)``; with ``offset=True``
@@ -228,22 +227,13 @@ class MissingInput(OverColumn):
 
     kind = "missing-input"
 
-    def __init__(
-        self,
-        column: str,
-        shape: str = "linear",
-        level: float | None = None,
-        center: float | None = None,
-        levels: tuple[tuple[float, float], ...] = (),
-        offset: bool = False,
-        axis: Axis = UNKNOWN,
-    ):
-        super().__init__(column, axis)
-        self.center = center
-        self.shape = shape
-        self.level = level
-        self.levels = levels
-        self.offset = offset
+    column: str
+    shape: str = "linear"
+    level: float | None = None
+    center: float | None = None
+    levels: tuple[tuple[float, float], ...] = ()
+    offset: bool = False
+    axis: Axis = UNKNOWN
 
     @property
     def pivot(self) -> float:
@@ -251,21 +241,10 @@ class MissingInput(OverColumn):
         return self.axis.mean if self.center is None else self.center
 
     @property
-    def name(self) -> str:
-        """The kind and the column, and the level where one is meant."""
-        level = "" if self.level is None else f" = {self.level:.12g}"
-        return f"{self.kind}({self.column}{level})"
-
-    @property
-    def is_one_level(self) -> bool:  # type: ignore[override]
-        """Whether a level is meant."""
-        return self.level is not None
-
-    @property
     def variant(self) -> str:
         """The shape, or the one level; a straight line is the plain form."""
         if self.level is not None:
-            return f"level {self.level:.12g}"
+            return super().variant
         words = [] if self.shape == "linear" else [self.shape]
         if self.offset:
             return " ".join([*words, "with offset"])
@@ -285,28 +264,20 @@ class MissingInput(OverColumn):
     def prepare(self, context: Context) -> Cause:
         """Fill in mean and span of the column, or its levels, from the measured rows."""
         values = context.column(self.column)
-        if self.shape not in _SHAPES:
-            raise ValueError(
-                f"shape must be one of {list(_SHAPES)}, got {self.shape!r}."
-                f"{did_you_mean(self.shape, _SHAPES)}"
-            )
+        check_choice(self.shape, "shape", _SHAPES)
         if self.level is not None and self.shape != "categorical":
             raise ValueError(f"level={self.level!r} needs shape='categorical'.")
         if self.offset and (self.shape == "quadratic" or self.level is not None):
             raise ValueError("offset=True needs shape='linear', or 'categorical' without a level.")
-        prepared = super().prepare(context)
+        levels = self.levels
         if self.shape == "categorical" and not self.levels:
-            trouble = trouble_with_levels(context, self.column)
-            if trouble:
+            if trouble := trouble_with_levels(context, self.column):
                 raise ValueError(f"A categorical cause has no use for this column: {trouble}.")
+            if self.level is not None:
+                context.check_level(self.column, self.level)
             found, counts = np.unique(values, return_counts=True)
-            if self.level is not None and self.level not in found:
-                raise ValueError(f"{self.column!r} is never {self.level!r}; it is {list(found)}.")
-            prepared.levels = tuple(
-                (float(value), count / len(values))
-                for value, count in zip(found, counts, strict=True)
-            )
-        return prepared
+            levels = tuple(zip(found.tolist(), (counts / len(values)).tolist(), strict=True))
+        return self.filled(axis=self.along(context), levels=levels)
 
     def columns(self, X: Rows, theta: Rows) -> FloatArray:
         """Return the scaled column and its square, or what belongs to the levels."""
@@ -316,7 +287,7 @@ class MissingInput(OverColumn):
             return np.stack([scaled, second][: len(self.coefficients)], axis=-1)
         values = np.asarray(X[self.column])
         if self.level is not None:
-            return (values == self.level).astype(float)[:, None]
+            return self.here(X).astype(float)[:, None]
         known, shares = np.array(self.levels).T
         indicator = values[:, None] == known
         mean = 0.0 if self.offset else shares
@@ -324,11 +295,9 @@ class MissingInput(OverColumn):
 
     def estimates(self, theta: Rows, coefficients: Rows) -> dict[str, FloatArray]:
         """Return slope and curvature per unit of the column, offset, deviations or amplitude."""
-        if self.level is not None:
-            return {"amplitude": np.asarray(coefficients["amplitude"])}
         if self.shape == "categorical":
-            if self.offset:
-                return {name: np.asarray(coefficients[name]) for name in self.coefficients}
+            if self.offset or self.level is not None:
+                return dict(coefficients)
             mean = sum(
                 share * coefficients[name]
                 for name, (_, share) in zip(self.coefficients, self.levels, strict=True)
@@ -344,10 +313,9 @@ class MissingInput(OverColumn):
 
     def code(self) -> Code:
         """Return the cause as Python."""
-        x = {"x": self.column}
         if self.level is not None:
-            at = {"level": (self.column, self.level)}
-            return Code("{amplitude} * ({x} == {level})", {"amplitude": "{y}"}, x, levels=at)
+            return self.code_at_level("{amplitude} * ({x} == {level})", {"amplitude": "{y}"})
+        x = {"x": self.column}
         if self.shape == "categorical":
             known = [value for value, _ in self.levels]
             levels = tuple(zip(known, self.coefficients, strict=True))
@@ -367,26 +335,19 @@ def trouble_with_levels(context: Context, column: str) -> str | None:
     most = MOST_EXPERIMENTS if column in context.labels else _MOST_LEVELS
     if not 2 <= len(counts) <= most:
         return f"{column} has {len(counts)} distinct values, 2 to {most} can be levels"
-    if counts.min() < _ROWS_PER_LEVEL:
-        return f"a level of {column} has {counts.min()} rows, {_ROWS_PER_LEVEL} are needed for each"
+    if counts.min() < ROWS_OF_LEVEL:
+        return f"a level of {column} has {counts.min()} rows, {ROWS_OF_LEVEL} are needed for each"
     return None
 
 
-def _categories(context: Context) -> Iterator[Cause]:
-    for column in context.ignored:
-        yield MissingInput(column, shape="categorical")
-
-
-def _categories_with_offset(context: Context) -> Iterator[Cause]:
-    for column in context.ignored:
-        yield MissingInput(column, shape="categorical", offset=True)
-
-
-def _at_levels(context: Context) -> Iterator[Cause]:
-    for column in context.ignored:
+def at_levels(
+    make: Callable[[str, float], Cause], context: Context, columns: Iterable[str]
+) -> Iterator[Cause]:
+    """Yield a cause for each value of those columns that can be taken as levels."""
+    for column in columns:
         if trouble_with_levels(context, column) is None:
-            for level in np.unique(context.X[column]):
-                yield MissingInput(column, shape="categorical", level=float(level))
+            for level in context.axis(column).rows.tolist():
+                yield make(column, level)
 
 
 def _from_zero(context: Context) -> Iterator[Cause]:
@@ -403,14 +364,9 @@ def _trouble_with_categories(cause: Cause, context: Context) -> str | None:
     return trouble_with_levels(context, column)
 
 
-def _lacking(context: Context) -> list[tuple[None, str]]:
-    return [] if context.ignored else [(None, "no measured column apart from the inputs")]
-
-
 def _without_levels(context: Context) -> Iterator[tuple[str, str]]:
     for column in context.ignored:
-        trouble = trouble_with_levels(context, column)
-        if trouble:
+        if trouble := trouble_with_levels(context, column):
             yield column, f"level: {trouble}"
 
 
@@ -420,93 +376,54 @@ register(
         MissingInput,
         over_extras(MissingInput),
         meaning="{target}, which the simulation ignores, influences {output}",
-        lacking=_lacking,
-        like=("noise",),
+        lacking=needs(lambda context: context.ignored, "no measured column apart from the inputs"),
         headline="{output} depends on {target}, which the simulation ignores",
-        formula="eta + slope (x - mean)",
-        estimates="slope",
-        left_out="no measured column apart from the inputs",
-    )
-)
-register(
+    ),
     Form(
         "missing-input: quadratic",
         MissingInput,
         over_extras(lambda column: MissingInput(column, shape="quadratic")),
         least_distinct=4,
-        call='`..., shape="quadratic"`',
-        formula="... + curvature (x - mean)²",
-        estimates="slope, curvature",
-        left_out="fewer than 4 distinct values",
-    )
-)
-register(
+    ),
     Form(
         "missing-input: categorical",
         MissingInput,
-        _categories,
-        meaning="{output} is shifted by an amount that differs between the values of {target}, "
-        "which the simulation ignores",
+        over_ignored(lambda column: MissingInput(column, shape="categorical")),
+        meaning=(
+            "{output} is shifted by an amount that differs between the values of {target}, "
+            "which the simulation ignores"
+        ),
         trouble=_trouble_with_categories,
-        headline=("{output} differs between the values of {target}, which the simulation ignores"),
-        call='`..., shape="categorical"`',
-        formula="eta + deviation of the row's level, mean zero over the rows",
-        estimates="one deviation a level",
-        left_out="fewer than 3 or more than 6 levels (20 of labels), or one with fewer than 3 rows",
-    )
-)
-register(
+        headline="{output} differs between the values of {target}, which the simulation ignores",
+    ),
     Form(
         "missing-input: categorical with offset",
         MissingInput,
-        _categories_with_offset,
+        over_ignored(lambda column: MissingInput(column, shape="categorical", offset=True)),
         trouble=_trouble_with_categories,
         only_alone=True,
-        call='`..., shape="categorical", offset=True`',
-        formula="eta + amount of the row's level, any mean",
-        estimates="one amount a level",
-        left_out="as without offset; `max_causes` above one",
-    )
-)
-register(
+    ),
     Form(
         "missing-input: level",
         MissingInput,
-        _at_levels,
+        lambda context: at_levels(
+            lambda column, level: MissingInput(column, "categorical", level),
+            context,
+            context.ignored,
+        ),
         meaning="{output} is off where {target} has one of its values",
         lacking=_without_levels,
         headline=(
             "{output} is {amplitude:size} {amplitude:above|below} the simulation "
             "at one value of {target}"
         ),
-        call='`..., shape="categorical", level=3`',
-        formula="eta, + amplitude where x = 3",
-        estimates="amplitude",
-        left_out="fewer than 2 or more than 6 levels (20 of labels), or one with fewer than 3 rows",
-    )
-)
-register(
+    ),
     Form(
         "missing-input: with offset",
         MissingInput,
         over_extras(lambda column: MissingInput(column, offset=True)),
         least_distinct=3,
         only_alone=True,
-        call="`MissingInput(x, offset=True)`",
-        formula="eta + offset + slope (x - mean): right at another value than the mean",
-        estimates="slope, offset",
-        left_out="fewer than 3 distinct values; `max_causes` above one, where an offset is a "
-        "separate cause",
-    )
-)
-register(
-    Form(
-        "missing-input: from zero",
-        MissingInput,
-        _from_zero,
-        call="`MissingInput(x, center=0)`",
-        formula="eta + slope x: right where x is zero, not at its mean",
-        estimates="slope",
-        left_out="x has two values, or does not begin within a quarter of its span from zero",
-    )
+    ),
+    Form("missing-input: from zero", MissingInput, _from_zero),
 )

@@ -6,8 +6,6 @@ diagnosis, shown in reports and listed in the documentation because it registers
 
 from __future__ import annotations
 
-import inspect
-import re
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 
@@ -16,9 +14,6 @@ from hybridsurrogate.registration import add, import_all
 
 # what may not be excluded: a curve of any shape is always compared
 _ALWAYS = "unexplained"
-# arguments that a cause needs, as the table writes them
-_SHORT = {"column": "x", "by": "e", "parameter": "p", "constant": "c", "quantity": "p"}
-_SHORT |= {"first": "x1", "second": "x2"}
 _ROOMS = ("output", "inputs", "response", "parameters", "dynamics", "noise")
 
 
@@ -49,10 +44,6 @@ class Form:
         Takes a `Context` and returns pairs (target, reason) for what is not proposed there.
     only_alone : bool
         Whether it stands for two causes at once, and is needless where a second one is searched.
-    like : tuple of str
-        Kinds whose curves it is easily taken for.
-    call, formula, priors, estimates, left_out : str
-        Cells of the documentation's table; `cells` finds an empty call or formula in the class.
     """
 
     name: str
@@ -65,44 +56,18 @@ class Form:
     trouble: Callable[[Cause, Context], str | None] = lambda cause, context: None
     lacking: Callable[[Context], Iterable[tuple[str | None, str]]] = lambda context: ()
     only_alone: bool = False
-    like: tuple[str, ...] = ()
-    call: str = ""
-    formula: str = ""
-    priors: str = ""
-    estimates: str = ""
-    left_out: str = ""
 
     @property
     def kind(self) -> str:
         """The word by which reports call the kind."""
         return self.name.partition(": ")[0]
 
-    @property
-    def cells(self) -> tuple[str, ...]:
-        """Call, formula, priors, estimates, and when it is left out."""
-        call, formula = self.call or _call_of(self.cause), self.formula or _formula_of(self.cause)
-        return call, formula, self.priors, self.estimates, self.left_out
-
-
-def _call_of(cause: type[Cause]) -> str:
-    """Return how a cause is made from names alone."""
-    arguments = inspect.signature(cause).parameters.values()
-    needed = [_SHORT.get(one.name, one.name) for one in arguments if one.default is one.empty]
-    return f"`{cause.__name__}({', '.join(needed)})`"
-
-
-def _formula_of(cause: type[Cause]) -> str:
-    """Return the first formula of a cause's docstring, as the table writes it."""
-    found = re.search(r"``([^`]*simulation[^`]*)``", cause.__doc__ or "")
-    text = " ".join(found[1].split()) if found else ""
-    return text.replace("simulation", "eta").replace("gain * eta", "gain eta").replace("^2", "²")
-
 
 FORMS: dict[str, Form] = {}
 
 
-def register(form: Form) -> None:
-    """Make a form part of the catalogue.
+def register(*forms: Form) -> None:
+    """Make forms part of the catalogue.
 
     Raises
     ------
@@ -111,14 +76,16 @@ def register(form: Form) -> None:
     ValueError
         If its name begins with another word than the kind of its class, or is taken.
     """
-    if not (isinstance(form.cause, type) and issubclass(form.cause, Cause)):
-        raise TypeError(f"Form({form.name!r}, ...) needs a subclass of Cause, got {form.cause!r}.")
-    if form.kind != form.cause.kind:
-        raise ValueError(
-            f"Form({form.name!r}, ...) must begin with the kind of {form.cause.__name__}, "
-            f"{form.cause.kind!r}, and may go on with ': ' and a word for the form."
-        )
-    add(FORMS, form.name, form, lambda one: one.cause)
+    for form in forms:
+        cause = form.cause
+        if not (isinstance(cause, type) and issubclass(cause, Cause)):
+            raise TypeError(f"Form({form.name!r}, ...) needs a subclass of Cause, got {cause!r}.")
+        if form.kind != cause.kind:
+            raise ValueError(
+                f"Form({form.name!r}, ...) must begin with the kind of {cause.__name__}, "
+                f"{cause.kind!r}, and may go on with ': ' and a word for the form."
+            )
+        add(FORMS, form.name, form, lambda one: one.cause)
 
 
 def load_causes() -> None:
@@ -147,38 +114,40 @@ def over_extras(make: Callable[[str], Cause]) -> Callable[[Context], Iterator[Ca
     return lambda context: (make(column) for column in context.extras)
 
 
+def over_ignored(make: Callable[[str], Cause]) -> Callable[[Context], Iterator[Cause]]:
+    """Return what proposes one cause for each column that the simulation ignores, of labels too."""
+    return lambda context: (make(column) for column in context.ignored)
+
+
 def over_columns(make: Callable[[str], Cause]) -> Callable[[Context], Iterator[Cause]]:
     """Return what proposes one cause for each measured column that is an axis."""
     return lambda context: (make(column) for column in (*context.inputs, *context.extras))
 
 
+def needs(
+    what: Callable[[Context], object], reason: str
+) -> Callable[[Context], list[tuple[None, str]]]:
+    """Return what says why nothing is proposed where the context lacks something."""
+    return lambda context: [] if what(context) else [(None, reason)]
+
+
+WITHOUT_LABELS = needs(
+    lambda context: context.labels, "no column labels experiments; experiment=... declares one"
+)
+
+
 def meaning_of(cause: Cause) -> str | None:
     """Return what a cause means, in words with places for names; None where nothing is known."""
-    first = (cause.variant.split() or [""])[0]
-    forms = (FORMS.get(f"{cause.kind}: {first}"), FORMS.get(cause.kind))
-    meanings = (form.meaning for form in forms if form is not None and form.meaning)
-    return cause.meaning or next(meanings, None)
+    return cause.meaning or next((form.meaning for form in _forms_of(cause) if form.meaning), None)
 
 
 def headline_of(cause: Cause) -> str | None:
     """Return the first sentence of a report about a cause, with places for names and estimates."""
-    whole = f"{cause.kind}: {cause.variant}"
-    own = [name for name in FORMS if name == whole or whole.startswith(f"{name} ")]
-    forms = [FORMS.get(name) for name in (*sorted(own, key=len, reverse=True), cause.kind)]
-    return next((form.headline for form in forms if form is not None and form.headline), None)
+    return next((form.headline for form in _forms_of(cause) if form.headline), None)
 
 
-def table_of_causes() -> str:
-    """Return the documentation's table of all forms, in Markdown."""
-    priors = "parameters and their priors"
-    rows: list[tuple[str, ...]] = [
-        ("kind", "cause", "formula", priors, "estimates", "left out when"),
-        ("---",) * 6,
-    ]
-    for kind in (*kinds(), _ALWAYS):
-        forms = [form for form in FORMS.values() if form.kind == kind]
-        for form in sorted(forms, key=lambda form: form.name != kind):
-            near = f" (near: {', '.join(form.like)})" if form.like else ""
-            first = f"`{kind}`{near}" if form.name == kind else ""
-            rows.append((first, *form.cells))
-    return "\n".join(f"| {' | '.join(row)} |" for row in rows)
+def _forms_of(cause: Cause) -> list[Form]:
+    """Return the forms that a cause may be of, the one with the longest name first."""
+    whole = f"{cause.kind}: {cause.variant} "
+    names = [name for name in FORMS if name == cause.kind or whole.startswith(f"{name} ")]
+    return [FORMS[name] for name in sorted(names, key=len, reverse=True)]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +17,7 @@ from hybridsurrogate.simulation.outputs import OUTPUT
 from hybridsurrogate.types import Prior
 
 
+@dataclass(eq=False, repr=False)
 class InOutput(Wrapped):
     """A cause in one of several outputs; the others are as simulated.
 
@@ -47,17 +48,10 @@ class InOutput(Wrapped):
     [0.0, 1.0]
     """
 
-    def __init__(
-        self,
-        cause: Cause,
-        output: str,
-        position: int | None = None,
-        scale: float | None = None,
-    ):
-        super().__init__(cause)
-        self.output: str = output
-        self.position = position
-        self.scale = scale
+    cause: Cause
+    output: str
+    position: int | None = None
+    scale: float | None = None
 
     def prepare(self, context: Context) -> Cause:
         """Prepare the cause for the rows of its output alone."""
@@ -166,14 +160,10 @@ class InOutput(Wrapped):
 def of_output(context: Context, position: int) -> Context:
     """Return what a cause in one output may know: of its rows alone."""
     here = context.X[OUTPUT] == position
-    rows = {name: values[here] for name, values in context.X.items() if name != OUTPUT}
     own = context.of_outputs[position]
     return replace(
-        context,
-        X=rows,
-        n_inputs=context.n_inputs - 1,
-        outputs=(),
-        of_outputs=(),
+        of_all_outputs(context),
+        X={name: values[here] for name, values in context.X.items() if name != OUTPUT},
         location=own.location,
         distance=own.distance,
         ratio=own.ratio,
@@ -194,6 +184,7 @@ def prepared_for(cause: Cause, context: Context) -> Cause:
     return cause.prepare(of_all_outputs(context))
 
 
+@dataclass(eq=False, repr=False)
 class Sized(Wrapped):
     """A prepared cause, its coefficients and slopes in units of one unknown size.
 
@@ -215,19 +206,13 @@ class Sized(Wrapped):
         coordinates.
     """
 
-    def __init__(
-        self,
-        cause: Cause,
-        low: float,
-        high: float,
-        rows: Rows,
-        slopes: tuple[float, ...] = (),
-    ):
-        super().__init__(cause)
-        self.low = low
-        self.high = high
-        self.rows = rows
-        self.slopes = slopes
+    factorises = False
+
+    cause: Cause
+    low: float
+    high: float
+    rows: Rows
+    slopes: tuple[float, ...] = ()
 
     coefficient_sd = 1.0
     hierarchy = None
@@ -303,11 +288,3 @@ class Sized(Wrapped):
             mean_square = np.sum(mean_square, axis=1, keepdims=True)
         rms = np.sqrt(np.maximum(mean_square, np.finfo(float).tiny))
         return columns * (size[:, None] / rms[draw])
-
-    def factors(self, X: Rows, theta: Rows) -> None:
-        """Return None: a column in units of the size is no product."""
-
-    @property
-    def factorises(self) -> bool:
-        """No."""
-        return False

@@ -426,7 +426,5 @@ class _Discrepancy(GaussianProcessDiscrepancy):
 
     def prepare(self, context: Context) -> Cause:
         """Fill in the prior of the amplitude, too."""
-        prepared = super().prepare(context)
-        if self.amplitude is None:
-            prepared.amplitude = frozen(stats.halfnorm, scale=context.scale)
-        return prepared
+        usual = frozen(stats.halfnorm, scale=context.scale)
+        return super().prepare(context).filled(amplitude=self.amplitude or usual)

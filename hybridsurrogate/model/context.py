@@ -230,13 +230,6 @@ def _check_array(
         )
 
 
-class Mismatch(NamedTuple):
-    """How far measured outputs lie from simulated ones: `Context.distance` and `Context.ratio`."""
-
-    distance: float = 0.0
-    ratio: float = 1.0
-
-
 def make_context(
     simulation: SimulationData | Simulator | None,
     columns: tuple[str, ...],
@@ -246,12 +239,11 @@ def make_context(
     likelihood: Likelihood,
     basis: Basis,
     location: float,
-    far: Mismatch | None = None,
+    far: tuple[float, float] = (0.0, 1.0),
     outputs: Mapping[str, OfOutput] | None = None,
     experiments: Experiments | None = None,
 ) -> Context:
     """Return what causes may use of the measured rows."""
-    far = far or Mismatch()
     simulator = simulation.simulator if simulation is not None else None
     starts = simulator.starts if simulator else ()
     if not basis.is_simulation:
@@ -264,8 +256,8 @@ def make_context(
         scale,
         log_scale=likelihood.log_scale,
         location=location,
-        distance=far.distance,
-        ratio=far.ratio,
+        distance=far[0],
+        ratio=far[1],
         states=simulator.typical_states(X[:, :n_inputs]) if simulator else {},
         remembers=simulator.remembers if simulator else False,
         rates=simulator.rates if simulator else (),
@@ -296,29 +288,28 @@ def of_each_output(
     for k, name in enumerate(() if stacking is None else stacking.names):
         assert stacking is not None
         here = X[:, stacking.at] == k
-        far = mismatch(model, X[here], c, eta[here], weights[here])
+        distance, ratio = mismatch(model, X[here], c, eta[here], weights[here])
         location = float(np.average(eta[here], weights=weights[here]))
         scale = 1.0 if likelihood.log_scale else float(stacking.scale[k])
-        out[name] = OfOutput(location, far.distance, far.ratio, scale)
+        out[name] = OfOutput(location, distance, ratio, scale)
     return out
 
 
 def mismatch(
     model: MeasuredModel, X: FloatArray, c: FloatArray, eta: FloatArray, weights: FloatArray
-) -> Mismatch:
-    """Compare outputs eta (n,) with the simulation's at the medians of all priors.
+) -> tuple[float, float]:
+    """Return `Context.distance` and `Context.ratio` of outputs eta (n,) at the priors' medians.
 
     Coefficients c (p,) are those of the surrogate. Where the simulation fails there, or one of the
     two is zero everywhere, nothing is known.
     """
-    medians = at_medians(model)
     with np.errstate(over="ignore", invalid="ignore"):
-        simulated = model.simulated(X, medians, c)[0][0]
+        simulated = model.simulated(X, at_medians(model), c)[0][0]
         gap = float(np.average(eta - simulated, weights=weights))
         squares = [float(np.average(np.square(v), weights=weights)) for v in (eta, simulated)]
     if not np.isfinite([gap, *squares]).all() or not min(squares) > 0:
-        return Mismatch()
-    return Mismatch(gap, float(np.sqrt(squares[0] / squares[1])))
+        return 0.0, 1.0
+    return gap, float(np.sqrt(squares[0] / squares[1]))
 
 
 def at_medians(model: MeasuredModel) -> FloatArray:

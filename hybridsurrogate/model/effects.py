@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from hybridsurrogate.effects.base import ERROR, ROW, SIMULATED, SLOPE, Cause, Rows
+from hybridsurrogate.effects.base import ERROR, ROW, SIMULATED, SLOPE, Act, Cause, Rows
 from hybridsurrogate.effects.noise.known_errors import RowErrors
 from hybridsurrogate.likelihoods import Contaminated, Likelihood, TransformedNormal
 from hybridsurrogate.numerics.linear_algebra import in_blocks
@@ -88,20 +88,14 @@ class CausesOnRows:
         """Whether noise looks at the simulation's output or at its slope."""
         return any(effect.follows_mean or effect.follows_slope for effect in self.effects)
 
+    def acts_on(self, *acts: Act) -> bool:
+        """Whether a cause rewrites one of these: see `Cause.acts_on`."""
+        return any(not effect.acts_on.isdisjoint(acts) for effect in self.effects)
+
     @property
     def touches_noise(self) -> bool:
         """Whether the noise differs between rows."""
-        return self.noise_is_given or any("noise" in effect.acts_on for effect in self.effects)
-
-    @property
-    def noise_is_given(self) -> bool:
-        """Whether rows carry a factor on their noise, or known errors."""
-        return self.has_row_noise or self.errors is not None
-
-    @property
-    def _by_position(self) -> bool:
-        """Whether a cause concerns single measurements."""
-        return any(effect.concerns == "data" for effect in self.effects)
+        return self.has_row_noise or self.errors is not None or self.acts_on("noise")
 
     def rows(self, X: FloatArray, values: FloatArray) -> tuple[Rows, Rows, list[Rows]]:
         """Return columns, omega and each cause's theta, every row of every draw after another."""
@@ -109,7 +103,7 @@ class CausesOnRows:
         names = [*self.columns]
         names += [ERROR] * (self.errors is not None) + [_ROW_NOISE] * self.has_row_noise
         rows: Rows = dict(zip(names, np.tile(X.T, J), strict=False))
-        if self._by_position:
+        if any(effect.concerns == "data" for effect in self.effects):
             rows = {**rows, ROW: np.tile(np.arange(n, dtype=float), J)}
         repeated = np.repeat(values.T, n, axis=1).T  # columns in one piece
         omega: Rows = {
@@ -252,7 +246,7 @@ class CausesOnRows:
 
     def outlier_share(self, values: FloatArray) -> FloatArray | None:
         """Return the share of rows that are outliers for draws of `values`, (J,), or None."""
-        if not any("outliers" in effect.acts_on for effect in self.effects):
+        if not self.acts_on("outliers"):
             return None
         rest = np.ones(len(values))
         for effect, own in zip(self.effects, self.theta(values), strict=True):
@@ -264,19 +258,15 @@ class CausesOnRows:
 
         A cause may make some rows outliers, or increase the scatter of counts.
         """
-        wider = self._overdispersed(likelihood, values)
-        if wider is not None:
-            return wider
+        if self.acts_on("overdispersion"):
+            squares = np.zeros(len(values))
+            for effect, own in zip(self.effects, self.theta(values), strict=True):
+                squares = squares + np.square(effect.overdispersion(own))
+            wider = likelihood.overdispersed(np.sqrt(squares)[:, None])
+            if wider is not None:
+                return wider
         share = self.outlier_share(values)
         if share is None:
             return likelihood
         assert isinstance(likelihood, TransformedNormal)
         return Contaminated(likelihood, share[:, None])
-
-    def _overdispersed(self, likelihood: Likelihood, values: FloatArray) -> Likelihood | None:
-        if not any("overdispersion" in effect.acts_on for effect in self.effects):
-            return None
-        squares = np.zeros(len(values))
-        for effect, own in zip(self.effects, self.theta(values), strict=True):
-            squares = squares + np.square(effect.overdispersion(own))
-        return likelihood.overdispersed(np.sqrt(squares)[:, None])

@@ -310,8 +310,7 @@ class MeasuredModel(CausesOnRows):
         self, X: FloatArray, values: FloatArray, c: FloatArray | None, moves: int = 1
     ) -> tuple[FloatArray, FloatArray]:
         """Return known and features of the simulated output with what causes make of it."""
-        touched = any(effect.touches_simulation for effect in self.effects)
-        if not touched and not self.basis.known_depends_on_hyper:
+        if not self._touched and not self.basis.known_depends_on_hyper:
             return self._unchanged(X, values, c)
         rows, omega, theta = self.rows(X, values)
         known, features = self._moved(X, values, c, rows, omega, theta, moves)
@@ -382,7 +381,7 @@ class MeasuredModel(CausesOnRows):
     ) -> tuple[FloatArray, FloatArray]:
         """Return known and features at the inputs and parameters that causes may have moved."""
         J, n, by_row = len(values), len(X), self.basis.known_depends_on_hyper
-        if not by_row and not any("inputs" in effect.acts_on for effect in self.effects):
+        if not by_row and not self.acts_on("inputs"):
             return self._unchanged(X, values, c)
         inputs, points = self._places(rows, omega, theta)
         if c is not None and not by_row:
@@ -415,7 +414,12 @@ class MeasuredModel(CausesOnRows):
     @property
     def _responds(self) -> bool:
         """Whether a cause makes something else of the simulated output."""
-        return any({"gain", "response"} & effect.acts_on for effect in self.effects)
+        return self.acts_on("gain", "response")
+
+    @property
+    def _touched(self) -> bool:
+        """Whether a cause changes the simulation's output itself."""
+        return any(effect.touches_simulation for effect in self.effects)
 
     def places(self, X: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return inputs and parameters (J n, ...) at which the simulation is evaluated."""
@@ -431,7 +435,7 @@ class MeasuredModel(CausesOnRows):
         rows, omega, theta = self.rows(X, values)
         inputs, points = self._places(rows, omega, theta)
         output = np.zeros(len(X))  # the slope of a factor is the same everywhere
-        if any("response" in effect.acts_on for effect in self.effects):
+        if self.acts_on("response"):
             known, many = self._moved(X, values, None, rows, omega, theta, 1)
             features, output = many[0], (known + many @ self._reference)[0]
         else:
@@ -445,14 +449,8 @@ class MeasuredModel(CausesOnRows):
         return (
             type(self.basis).factors is not Basis.factors
             and not self.basis.known_depends_on_hyper
-            and self._only_added
-        )
-
-    @property
-    def _only_added(self) -> bool:
-        """Whether causes leave simulation and noise as they are."""
-        return not self.noise_is_given and not any(
-            e.touches_simulation or "noise" in e.acts_on for e in self.effects
+            and not self._touched
+            and not self.touches_noise
         )
 
     def factors(self, X: FloatArray, values: FloatArray) -> Factors | None:

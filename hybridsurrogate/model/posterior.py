@@ -151,14 +151,8 @@ class Posterior:
 
     def take(self, index: NDArray[np.intp]) -> Posterior:
         """Return the posterior with some of its draws."""
-        return Posterior(
-            self.model,
-            self.plain_likelihood,
-            self.values[index],
-            self.sigma[index],
-            self.coefficients[index],
-            self.effect_coefficients[index],
-        )
+        names = ("values", "sigma", "coefficients", "effect_coefficients")
+        return replace(self, **{name: getattr(self, name)[index] for name in names})
 
     def eta(self, X: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return eta and the noise scale for rows X (n, n_columns): two arrays (S, n).
@@ -173,9 +167,7 @@ class Posterior:
 
     def _eta(self, X: FloatArray) -> tuple[FloatArray, FloatArray]:
         factors = self.model.factors(X, self.values)
-        if self.coefficients.shape[1] and any(
-            "response" in effect.acts_on for effect in self.model.effects
-        ):
+        if self.coefficients.shape[1] and self.model.acts_on("response"):
             # no linear function of the coefficients: as the draws are known it need not be one
             eta, noise = self.model.outputs(X, self.values, self.coefficients)
         elif factors is None:
@@ -313,18 +305,13 @@ def with_prior_only(posterior: Posterior, problem: Problem, effects: Sequence[Ca
     n, known = posterior.n_draws, model.n_unknowns
     # a separate stream: draws of all else stay the same
     random = np.random.RandomState(0)
-    theta = [_shuffled(n, random, whole.priors[k].ppf) for k in range(known, len(whole.priors))]
+    # evenly spread over each prior, in random order
+    theta = [prior.ppf((random.permutation(n) + 0.5) / n) for prior in whole.priors[known:]]
     values = np.column_stack([posterior.values[:, :known], *theta, posterior.values[:, known:]])
     q = len(model.column_sd)
     own = random.standard_normal((n, len(whole.column_sd) - q)) * whole.column_sd[q:]
     coefficients = np.hstack([posterior.effect_coefficients, own])
     return replace(posterior, model=whole, values=values, effect_coefficients=coefficients)
-
-
-def _shuffled(n: int, random: np.random.RandomState, quantile: object) -> FloatArray:
-    """Return n values evenly spread over a distribution, in random order."""
-    assert callable(quantile)
-    return np.asarray(quantile((random.permutation(n) + 0.5) / n))
 
 
 def _context(problem: Problem) -> Context:

@@ -122,8 +122,7 @@ class Problem:
     def collapses(self) -> bool:
         """Whether the coefficients are Gaussian given everything else."""
         linear = not self.model.basis.known_depends_on_hyper
-        linear &= not any("outliers" in effect.acts_on for effect in self.model.effects)
-        return linear and self.likelihood.gaussian
+        return linear and not self.model.acts_on("outliers") and self.likelihood.gaussian
 
     def with_noise(self, X: FloatArray) -> FloatArray:
         """Return rows of the user's with the typical noise of the measured ones, if rows carry it.
@@ -209,7 +208,7 @@ class PlainProblem:
 
     def with_effects(self, effects: Sequence[Cause]) -> Problem:
         """Return the problem with causes, prepared and checked."""
-        plain, likelihood = self.problem, self.problem.likelihood
+        plain = self.problem
         effects = (*effects, *self._noise_of_rows())
         model = plain.model.with_effects([prepared_for(one, self._context) for one in effects])
         try:
@@ -220,11 +219,8 @@ class PlainProblem:
             raise ValueError(
                 f"A cause needs {error}; there are {there}.{did_you_mean(name, there)}"
             ) from error
-        if any("outliers" in effect.acts_on for effect in model.effects):
-            _check_outliers(likelihood)
-        if any("overdispersion" in effect.acts_on for effect in model.effects):
-            _check_overdispersed(likelihood)
-        if model.noise_follows or any("response" in effect.acts_on for effect in model.effects):
+        _check_likelihood(model, plain.likelihood)
+        if model.noise_follows or model.acts_on("response"):
             model = replace(model, reference=self._reference)
         return replace(plain, model=model)
 
@@ -301,23 +297,6 @@ class PlainProblem:
         return with_slopes(context, model, problem.X, c, values)
 
 
-def make_problem(
-    simulation: SimulationData | Simulator | None,
-    surrogate: Surrogate,
-    likelihood: Likelihood,
-    noise_prior: Prior | None,
-    effects: tuple[Cause, ...],
-    columns: tuple[str, ...],
-    X: FloatArray,
-    y: FloatArray,
-) -> Problem:
-    """Return the problem of rows of one output, as they are."""
-    ones, order = np.ones(len(y)), range(len(columns))
-    data = MeasuredData(X, y, ones, None, order, columns, simulation, None, None)
-    plain = plain_problem(data, surrogate, likelihood, noise_prior)
-    return plain.on_rows(X, y, ones).with_effects(effects)
-
-
 def plain_problem(
     data: MeasuredData,
     surrogate: Surrogate,
@@ -341,13 +320,14 @@ def plain_problem(
     outputs, shares = (eta, weights) if run_eta is None else (run_eta, None)
     n_inputs = len(simulation.input_names) if simulation is not None else len(columns)
     ranges = dict(world.parameter_ranges) if world else {}
+    simulator = world.simulator if world else None
     middle = np.mean(list(ranges.values()) or np.empty((0, 2)), axis=1)
     domain = Domain(
         _ranges_of_inputs(simulation, X[:, :n_inputs]),
         np.array(list(ranges.values())).reshape(-1, 2),
         float(np.average(outputs, weights=shares)),
         spread(outputs, shares),
-        _callable(world, likelihood),
+        None if simulator is None else TransformedSimulation(simulator, likelihood),
         X[:, :n_inputs] if runs is None else runs.X,
         np.tile(middle, (len(X), 1)) if runs is None else runs.omega,
         outputs,
@@ -426,7 +406,13 @@ def _trained(
     """Return the surrogate on its domain; raise ValueError for one that cannot be trained there."""
     name = type(surrogate).__name__
     try:
-        basis = _built(surrogate, domain, stacking)
+        if stacking is None:
+            basis = surrogate.build(domain)
+        else:
+            basis = built_for_each(surrogate, domain, stacking.names)
+        if not isinstance(basis, Basis):
+            raise TypeError(f"{name}.build must return a Basis, got {basis!r}.")
+        _check_basis(basis, domain)
     except (IndexError, ValueError) as error:
         # rows of a simulation have all that it gives; the hint is for those without
         if world is not None or (simulation is None and isinstance(error, ValueError)):
@@ -460,11 +446,17 @@ def _working(likelihood: Likelihood, y: FloatArray) -> tuple[FloatArray, ValueEr
     return likelihood.working_runs(y), None
 
 
-def _check_outliers(likelihood: Likelihood) -> None:
-    if not likelihood.gaussian:
+def _check_likelihood(model: MeasuredModel, likelihood: Likelihood) -> None:
+    """Raise ValueError for causes that need another likelihood."""
+    if model.acts_on("outliers") and not likelihood.gaussian:
         raise ValueError(
             "Outliers need a normal or log-normal likelihood for the other rows, not a "
             f"{likelihood.name} one."
+        )
+    if model.acts_on("overdispersion") and likelihood.overdispersed(np.zeros((1, 1))) is None:
+        raise ValueError(
+            "Overdispersion is a scatter beyond that of a Poisson likelihood, or of a binomial one "
+            f"of several trials; a {likelihood.name} one already has a scale, or no such form."
         )
 
 
@@ -480,17 +472,6 @@ def _reference(basis: Basis, domain: Domain, weights: FloatArray | None) -> Floa
     mean = emulator_posterior(given, statistics(features, centred, domain.scale, weights)).mean
     factor = basis.factor(hyper[None]) if len(hyper) else None
     return mean if factor is None else basis.coefficient_mean + factor[0] @ mean
-
-
-def _built(surrogate: Surrogate, domain: Domain, stacking: Stacking | None = None) -> Basis:
-    if stacking is None:
-        basis = surrogate.build(domain)
-    else:
-        basis = built_for_each(surrogate, domain, stacking.names)
-    if not isinstance(basis, Basis):
-        raise TypeError(f"{type(surrogate).__name__}.build must return a Basis, got {basis!r}.")
-    _check_basis(basis, domain)
-    return basis
 
 
 def _check_basis(basis: Basis, domain: Domain) -> None:
@@ -526,14 +507,6 @@ def _ranges_of_inputs(
     return np.column_stack([low, np.where(high > low, high, low + 1.0)])
 
 
-def _callable(
-    simulation: SimulationData | Simulator | None, likelihood: Likelihood
-) -> TransformedSimulation | None:
-    if simulation is None or simulation.simulator is None:
-        return None
-    return TransformedSimulation(simulation.simulator, likelihood)
-
-
 def _check_size(basis: Basis, n_rows: int) -> None:
     """Raise ValueError for far too many coefficients, before a fit that hangs."""
     n = len(basis.coefficient_mean)
@@ -546,13 +519,4 @@ def _check_size(basis: Basis, n_rows: int) -> None:
         raise ValueError(
             f"The surrogate has {n} coefficients, of which {_MOST_COEFFICIENTS} are the most that "
             "can be inferred together: choose a lower degree, sparse=True, or Kriging()."
-        )
-
-
-def _check_overdispersed(likelihood: Likelihood) -> None:
-    if likelihood.overdispersed(np.zeros((1, 1))) is None:
-        raise ValueError(
-            "Overdispersion is a scatter beyond that of a Poisson likelihood, or of a binomial one "
-            "of several trials; a "
-            f"{likelihood.name} one already has a scale, or no such form."
         )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from problems import make_problem
 from scipy import stats
 
 import hybridsurrogate as hs
@@ -14,7 +15,6 @@ from hybridsurrogate.effects.base import ROW, Context
 from hybridsurrogate.effects.noise.outliers import GrossRow
 from hybridsurrogate.likelihoods import as_likelihood
 from hybridsurrogate.model.context import make_context
-from hybridsurrogate.model.problem import make_problem
 from hybridsurrogate.model.statistics import emulator_posterior
 
 T = np.arange(20.0)

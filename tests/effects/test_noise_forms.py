@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from lines import FORMS, LINE, problem_of
 from matplotlib.axes import Axes
+from problems import make_problem
 from scipy import integrate, stats
 
 import hybridsurrogate as hs
@@ -13,7 +14,6 @@ from hybridsurrogate.effects.context import Axis, OutputScale
 from hybridsurrogate.effects.picture import plot_cause
 from hybridsurrogate.likelihoods import Contaminated, Normal
 from hybridsurrogate.likelihoods.student_t import log_shape, precision_at
-from hybridsurrogate.model.problem import make_problem
 
 
 def fitted(cause, X, y, simulator=LINE, **options):

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from matplotlib.axes import Axes
+from problems import make_problem
 from scipy import stats
 
 import hybridsurrogate as hs
@@ -11,7 +12,6 @@ from hybridsurrogate.effects.picture import plot_cause
 from hybridsurrogate.effects.registry import kinds
 from hybridsurrogate.likelihoods import Normal
 from hybridsurrogate.model.context import make_context, with_slopes
-from hybridsurrogate.model.problem import make_problem
 
 
 def swing(t, height, decay):

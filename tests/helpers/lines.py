@@ -1,6 +1,7 @@
 """Two straight lines, and the search over causes in measurements of them."""
 
 import numpy as np
+from problems import make_problem
 from scipy import stats
 from searching import compared
 
@@ -9,7 +10,6 @@ from hybridsurrogate.catalogue import catalogue
 from hybridsurrogate.diagnosis.answers.finding import form_of
 from hybridsurrogate.likelihoods import as_likelihood
 from hybridsurrogate.model.context import make_context
-from hybridsurrogate.model.problem import make_problem
 from hybridsurrogate.model.statistics import emulator_posterior
 
 LINE = hs.Simulator(

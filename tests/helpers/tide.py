@@ -2,13 +2,13 @@
 
 import numpy as np
 import pandas as pd
+from problems import make_problem
 from scipy import stats
 
 import hybridsurrogate as hs
 from hybridsurrogate.likelihoods import as_likelihood
 from hybridsurrogate.model.context import at_medians, make_context, with_slopes
 from hybridsurrogate.model.observation import MeasuredModel
-from hybridsurrogate.model.problem import make_problem
 from hybridsurrogate.surrogates.families.parametric import ExactBasis
 
 NOISE = 0.1

@@ -5,12 +5,12 @@ import warnings
 import numpy as np
 import pytest
 from few_kinds import all_but
+from problems import make_problem
 from scipy.integrate import solve_ivp
 from scipy.stats import norm
 
 import hybridsurrogate as hs
 from hybridsurrogate.model.context import least_step
-from hybridsurrogate.model.problem import make_problem
 
 T = np.linspace(0.1, 10, 40)
 NOISE = 0.7

@@ -1,10 +1,10 @@
 """Causes of a model in another order."""
 
 import numpy as np
+from problems import make_problem
 from scipy.stats import norm, uniform
 
 import hybridsurrogate as hs
-from hybridsurrogate.model.problem import make_problem
 
 SIMULATOR = hs.Simulator(
     lambda t, level: level + t, inputs={"t": (0, 10)}, parameters={"level": norm(1, 0.5)}

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from agreement import assert_same_numbers
 from numpy.testing import assert_allclose
+from problems import make_problem
 from scipy import stats
 
 import hybridsurrogate as hs
@@ -13,7 +14,6 @@ from hybridsurrogate.inference.conjugate.noise_marginal import NoiseTable
 from hybridsurrogate.inference.evidence.grid import make_grid
 from hybridsurrogate.inference.evidence.linearised import linearise
 from hybridsurrogate.inference.evidence.marginal_likelihood import _normal_equations, scan
-from hybridsurrogate.model.problem import make_problem
 from hybridsurrogate.model.statistics import emulator_posterior
 from hybridsurrogate.numerics.linear_algebra import BLOCK, blocks, in_blocks
 

@@ -5,13 +5,14 @@ import re
 import numpy as np
 import pandas as pd
 import pytest
+from problems import make_problem
 from scipy import stats
 
 import hybridsurrogate as hs
 from hybridsurrogate.effects.base import Context
 from hybridsurrogate.inference.procedure import make_target
 from hybridsurrogate.inference.sampling.modes import starting_points
-from hybridsurrogate.model.problem import make_problem, spread
+from hybridsurrogate.model.problem import spread
 
 PRIORS = {"vmax": stats.uniform(2, 6), "km": stats.uniform(0.1, 0.6)}
 

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from problems import make_problem
 from scipy.stats import halfnorm, norm
 from sklearn.base import BaseEstimator, TransformerMixin, clone
 from sklearn.frozen import FrozenEstimator
@@ -20,7 +21,6 @@ import hybridsurrogate as hs
 from hybridsurrogate.datasets import make_log_sin
 from hybridsurrogate.inference.procedure import make_target
 from hybridsurrogate.likelihoods import as_likelihood
-from hybridsurrogate.model.problem import make_problem
 from hybridsurrogate.surrogates import Basis, Domain, Surrogate
 
 LAPLACE = hs.CustomLikelihood(

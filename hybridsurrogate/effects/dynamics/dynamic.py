@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, Self
 
 from scipy import stats
 
-from hybridsurrogate.effects.base import Cause, Context, Declared, Rows
+from hybridsurrogate.effects.base import Cause, Context, Declared, FloatArray, Rows, of_wave
 from hybridsurrogate.effects.expressions import Code
 from hybridsurrogate.effects.registry import Form, register
 from hybridsurrogate.exceptions import did_you_mean
@@ -24,6 +26,7 @@ NEEDS_ODE = (
 class Dynamic(Declared):
     """A cause that modifies the right-hand side, and sets the numbers of the modification."""
 
+    prefix: str | None = None
     priors: Mapping[str, Prior] | None = None
 
     @property
@@ -49,16 +52,21 @@ class Dynamic(Declared):
         """Return sizes of zero."""
         return dict.fromkeys(self.modification.sizes, 0.0)
 
-    def free_prefix(self, context: Context, change: Modification) -> str:
-        """Return a prefix that no number has which is a parameter already."""
-        prefix, k = change.label, 1
-        while any(name.startswith(f"{prefix}_") for name in context.parameters):
+    def estimates(self, theta: Rows, coefficients: Rows) -> dict[str, FloatArray]:
+        """Return the numbers, of a wave its period and amplitude."""
+        return of_wave(theta)
+
+    def free_prefix(self, context: Context) -> str:
+        """Return the prefix that was given, or one that no number has which is a parameter."""
+        label, k = self.modification.label, 1
+        prefix = self.prefix or label
+        while self.prefix is None and any(p.startswith(f"{prefix}_") for p in context.parameters):
             k += 1
-            prefix = f"{change.label}_{k}"
+            prefix = f"{label}_{k}"
         return prefix
 
-    def all_priors(self, defaults: Mapping[str, Prior]) -> dict[str, Prior]:
-        """Return the priors of all numbers: those given, and else the defaults."""
+    def completed(self, context: Context, defaults: Mapping[str, Prior], **further: Any) -> Self:
+        """Return the cause with a prefix, and the priors of all numbers: given, or the defaults."""
         change = self.modification
         given = self.priors or {}
         unknown = sorted(given.keys() - change.neutral.keys())
@@ -67,7 +75,8 @@ class Dynamic(Declared):
                 f"{type(self).__name__} ({self.variant}) has no {unknown[0]!r}: "
                 f"{list(change.neutral)}.{did_you_mean(unknown[0], change.neutral)}"
             )
-        return {name: given.get(name, defaults[name]) for name in change.neutral}
+        priors = {name: given.get(name, defaults[name]) for name in change.neutral}
+        return self.filled(prefix=self.free_prefix(context), priors=priors, **further)
 
     def size_of(self, context: Context, state: str) -> float:
         """Return the typical size of a state, or raise ValueError where there is none.
@@ -85,7 +94,19 @@ class Dynamic(Declared):
         return context.states[state] * context.ratio
 
 
-class DynamicDelay(Dynamic):
+@dataclass(eq=False, repr=False)
+class _OfState(Dynamic):
+    """A change of the slope of a state by numbers of which all priors have defaults."""
+
+    about = "state"
+    variant = "inside the dynamics"
+
+    state: str
+    prefix: str | None = None
+    priors: Mapping[str, Prior] | None = None
+
+
+class DynamicDelay(_OfState):
     """A right-hand side that follows a state as it was a lag ago: a delay differential equation.
 
     Where `Delay` shifts the output as a whole, here a rate answers late, so that growth overshoots
@@ -119,22 +140,6 @@ class DynamicDelay(Dynamic):
     """
 
     kind = "delay"
-    about = "state"
-
-    def __init__(
-        self,
-        state: str,
-        prefix: str | None = None,
-        priors: Mapping[str, Prior] | None = None,
-    ):
-        self.state = state
-        self.prefix = prefix
-        self.priors = priors
-
-    @property
-    def variant(self) -> str:
-        """That it is inside the dynamics."""
-        return "inside the dynamics"
 
     @property
     def name(self) -> str:
@@ -150,10 +155,7 @@ class DynamicDelay(Dynamic):
         """Fill in the prior of the lag from the measured times."""
         self.size_of(context, self.state)
         span = context.axis(context.inputs[0]).span
-        return self.filled(
-            prefix=self.prefix or self.free_prefix(context, self.modification),
-            priors=self.all_priors({"lag": frozen(stats.halfcauchy, scale=span / 10)}),
-        )
+        return self.completed(context, {"lag": frozen(stats.halfcauchy, scale=span / 10)})
 
     def start(self) -> dict[str, float]:
         """Return nothing: at a lag of zero the prior ends, so lags are enumerated."""
@@ -175,22 +177,15 @@ register(
         lambda context: map(DynamicDelay, context.states),
         meaning="the effects of {target} come later than in the equations",
         headline="What {target} does comes {lag} later than the equations have it",
-        call="`DynamicDelay(state)`, inside an ODE",
-        formula="slopes follow the state as it was a lag ago",
-        priors="lag: half-Cauchy, scale a tenth of the span",
-        estimates="lag",
-        left_out='fewer than 3 times; no `OdeSimulator` with `method="rk4"` and `ExactSurrogate`',
     )
 )
 
 
-# of the log-normal ratio: 95 % of the stores are between a twentieth and twenty times the state's
-_LOG_RATIO = 1.5
 # of the steps of "rk4", at least 400 in the range of time, an exchange takes half of one or more
 _MOST_RATES = 800
 
 
-class DynamicStore(Dynamic):
+class DynamicStore(_OfState):
     """A state that the equations lack, which exchanges with one of theirs.
 
     ``dx/dt = ... - k (x - z)`` and ``dz/dt = k / ratio (x - z)``, z being the unseen state: the
@@ -243,22 +238,6 @@ class DynamicStore(Dynamic):
     """
 
     kind = "second-store"
-    about = "state"
-
-    def __init__(
-        self,
-        state: str,
-        prefix: str | None = None,
-        priors: Mapping[str, Prior] | None = None,
-    ):
-        self.state = state
-        self.prefix = prefix
-        self.priors = priors
-
-    @property
-    def variant(self) -> str:
-        """That it is inside the dynamics."""
-        return "inside the dynamics"
 
     @property
     def modification(self) -> CoupledStore:
@@ -270,14 +249,12 @@ class DynamicStore(Dynamic):
         size, axis = self.size_of(context, self.state), context.axis(context.inputs[0])
         shortest = max(axis.spacing / 4, axis.span / _MOST_RATES)
         defaults = {
-            "ratio": frozen(stats.lognorm, _LOG_RATIO),
+            # 95 % of the stores are between a twentieth and twenty times the state's
+            "ratio": frozen(stats.lognorm, 1.5),
             "scale": frozen(stats.loguniform, shortest, axis.span),
             "gap": frozen(stats.t, 3, scale=size),
         }
-        return self.filled(
-            prefix=self.prefix or self.free_prefix(context, self.modification),
-            priors=self.all_priors(defaults),
-        )
+        return self.completed(context, defaults)
 
     def start(self) -> dict[str, float]:
         """Return a store that is at rest; at a ratio of zero the prior ends: it is enumerated."""
@@ -301,16 +278,13 @@ register(
         "second-store: inside",
         DynamicStore,
         lambda context: map(DynamicStore, context.states),
-        meaning="{target} exchanges with a store that its equation leaves out, as a room does with "
-        "its walls or blood with tissue",
-        headline="{target} exchanges with a store that its equation leaves out, {ratio:size} "
-        "times its size, over {scale}",
-        call="`DynamicStore(state)`, inside an ODE",
-        formula="slope of the state - k (state - z), slope of z = k (state - z) / ratio; "
-        "k = ratio / (scale (1 + ratio)), z = state + gap at the start",
-        priors="ratio: log-normal, sd of the logarithm 1.5; scale: log-uniform, a quarter spacing "
-        "to the span; gap: Student-t, typical state",
-        estimates="ratio, scale, gap",
-        left_out="fewer than 8 times; no `OdeSimulator` with `ExactSurrogate`",
+        meaning=(
+            "{target} exchanges with a store that its equation leaves out, as a room does with "
+            "its walls or blood with tissue"
+        ),
+        headline=(
+            "{target} exchanges with a store that its equation leaves out, {ratio:size} "
+            "times its size, over {scale}"
+        ),
     )
 )

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy import stats
 
-from hybridsurrogate.effects.base import Cause, Context, FloatArray, Rows, quantiles
+from hybridsurrogate.effects.base import Cause, Context, FloatArray, quantiles
 from hybridsurrogate.effects.context import period_nodes
 from hybridsurrogate.effects.dynamics.dynamic import NEEDS_ODE, Dynamic
 from hybridsurrogate.effects.expressions import Code
@@ -17,7 +17,7 @@ from hybridsurrogate.ode.dynamics import TimeVaryingParameter
 from hybridsurrogate.priors import frozen, prior_sd, truncated_normal
 from hybridsurrogate.types import Prior
 
-_N_LOCATIONS, _N_WIDTHS = 20, 4
+_NODES = {"location": 20, "width": 4, "duration": 4}
 # halving and doubling are ordinary, but not of what is known to a per cent
 _LARGEST_CHANGE, _CHANGE_PER_DOUBT = 0.7, 3.0
 
@@ -48,6 +48,7 @@ _CODE = {
 }
 
 
+@dataclass(eq=False, repr=False)
 class DynamicDrift(Dynamic):
     """A parameter that changes in time inside the dynamics of an `OdeSimulator`.
 
@@ -108,21 +109,12 @@ class DynamicDrift(Dynamic):
     kind = "parameter-drift"
     about = "parameter"
 
-    def __init__(
-        self,
-        parameter: str,
-        shape: str = "logistic",
-        column: str | None = None,
-        prefix: str | None = None,
-        priors: Mapping[str, Prior] | None = None,
-        center: float | None = None,
-    ):
-        self.parameter = parameter
-        self.shape = shape
-        self.column = column
-        self.prefix = prefix
-        self.priors = priors
-        self.center = center
+    parameter: str
+    shape: str = "logistic"
+    column: str | None = None
+    prefix: str | None = None
+    priors: Mapping[str, Prior] | None = None
+    center: float | None = None
 
     @property
     def variant(self) -> str:
@@ -141,7 +133,6 @@ class DynamicDrift(Dynamic):
 
     def prepare(self, context: Context) -> Cause:
         """Fill in the priors from the measured times."""
-        change = self.modification
         if not context.states:
             raise ValueError(NEEDS_ODE.format(f"DynamicDrift({self.parameter!r})"))
         if self.parameter not in context.rates:
@@ -167,32 +158,15 @@ class DynamicDrift(Dynamic):
             "duration": frozen(stats.loguniform, shortest, 0.5 * span),
             "period": axis.period_prior,
         }
-        center = axis.origin + span / 2 * (change.shape == "periodic")
-        return self.filled(
-            column=time,
-            prefix=self.prefix or self.free_prefix(context, change),
-            priors=self.all_priors(defaults),
-            center=center if self.center is None else self.center,
-        )
+        center = axis.origin + span / 2 * (self.shape == "periodic")
+        center = center if self.center is None else self.center
+        return self.completed(context, defaults, column=time, center=center)
 
     def grid(self) -> dict[str, FloatArray]:
         """Return locations and widths, or periods evenly spaced in frequency."""
-        nodes = {}
-        for name, prior in self.parameters.items():
-            if name == "location":
-                nodes[name] = quantiles(prior, _N_LOCATIONS)
-            elif name in ("width", "duration"):
-                nodes[name] = quantiles(prior, _N_WIDTHS)
-            elif name == "period":
-                nodes[name] = period_nodes(prior)
-        return nodes
-
-    def estimates(self, theta: Rows, coefficients: Rows) -> dict[str, FloatArray]:
-        """Return the relative change and when it happens, or period and relative amplitude."""
-        if self.shape != "periodic":
-            return dict(theta)
-        amplitude = np.hypot(theta["sine"], theta["cosine"])
-        return {"period": np.asarray(theta["period"]), "amplitude": amplitude}
+        priors = self.parameters
+        nodes = {name: quantiles(priors[name], n) for name, n in _NODES.items() if name in priors}
+        return nodes | ({"period": period_nodes(priors["period"])} if "period" in priors else {})
 
     def shown(self) -> Code:
         """Return the factor on the parameter; of a wave with an unknown phase."""
@@ -238,50 +212,8 @@ def _inside(shape: str) -> Callable[[Context], Iterator[Cause]]:
 
 
 register(
-    Form(
-        "parameter-drift: inside",
-        DynamicDrift,
-        _inside("logistic"),
-        call="`DynamicDrift(p)`, inside an ODE",
-        formula="p (1 + amount / (1 + exp(-(t - location) / width)))",
-        priors="log(1 + amount): normal, sd s = 0.7, at most three times the relative sd of p's "
-        "prior; location: uniform; width: log-uniform",
-        estimates="amount, location, width",
-        left_out="fewer than 8 times; no `OdeSimulator` with `ExactSurrogate`",
-    )
-)
-register(
-    Form(
-        "parameter-drift: inside, ramp",
-        DynamicDrift,
-        call='`..., shape="ramp"`',
-        formula="p (1 + amount (t - location) / duration), from location on and until it has ended",
-        priors="amount, location: the same; duration: log-uniform, 2 spacings to half the span",
-        estimates="amount, location, duration",
-        left_out='not compared unless passed, as is `shape="step"`: both are nearly logistic',
-    )
-)
-register(
-    Form(
-        "parameter-drift: inside, exponential",
-        DynamicDrift,
-        _inside("exponential"),
-        call='`..., shape="exponential"`',
-        formula="p exp(rate (t - first row))",
-        priors="rate: Student-t, 3 degrees of freedom, scale s over the span",
-        estimates="rate",
-        left_out="as `DynamicDrift(p)`",
-    )
-)
-register(
-    Form(
-        "parameter-drift: inside, periodic",
-        DynamicDrift,
-        _inside("periodic"),
-        call='`..., shape="periodic"`',
-        formula="p (1 + amplitude sin(2π (t - center) / period + phase))",
-        priors="sine, cosine: normal, sd s / 2; period: log-uniform, 2 spacings to 2 spans",
-        estimates="period, amplitude",
-        left_out="as `DynamicDrift(p)`",
-    )
+    Form("parameter-drift: inside", DynamicDrift, _inside("logistic")),
+    Form("parameter-drift: inside, ramp", DynamicDrift),
+    Form("parameter-drift: inside, exponential", DynamicDrift, _inside("exponential")),
+    Form("parameter-drift: inside, periodic", DynamicDrift, _inside("periodic")),
 )

@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import stats
 
 from hybridsurrogate.effects.base import Cause, Context, FloatArray, Rows
-from hybridsurrogate.effects.context import period_nodes, position_among
+from hybridsurrogate.effects.context import period_nodes
 from hybridsurrogate.effects.dynamics.dynamic import Dynamic
 from hybridsurrogate.effects.expressions import Code, LevelTable
-from hybridsurrogate.effects.registry import Form, register
+from hybridsurrogate.effects.over_column import OverExperiments
+from hybridsurrogate.effects.registry import Form, needs, register
 from hybridsurrogate.ode.dynamics import MissingTerm
 from hybridsurrogate.priors import frozen
 from hybridsurrogate.types import Prior
@@ -50,6 +50,7 @@ _CODE = {
 }
 
 
+@dataclass(eq=False, repr=False)
 class DynamicTerm(Dynamic):
     """A term missing from the slope of a state of an `OdeSimulator`.
 
@@ -114,23 +115,13 @@ class DynamicTerm(Dynamic):
     kind = "missing-term"
     about = "state"
 
-    def __init__(
-        self,
-        state: str,
-        form: str = "constant",
-        prefix: str | None = None,
-        priors: Mapping[str, Prior] | None = None,
-        center: float | None = None,
-        size: float | None = None,
-        other: str | None = None,
-    ):
-        self.state = state
-        self.form = form
-        self.prefix = prefix
-        self.priors = priors
-        self.center = center
-        self.size = size
-        self.other = other
+    state: str
+    form: str = "constant"
+    prefix: str | None = None
+    priors: Mapping[str, Prior] | None = None
+    center: float | None = None
+    size: float | None = None
+    other: str | None = None
 
     @property
     def variant(self) -> str:
@@ -151,7 +142,6 @@ class DynamicTerm(Dynamic):
 
     def prepare(self, context: Context) -> Cause:
         """Fill in the priors from the measured times and the size of the state."""
-        change = self.modification
         size = self.size_of(context, self.state)
         size = size if self.size is None else self.size
         axis = context.axis(context.inputs[0])
@@ -171,26 +161,15 @@ class DynamicTerm(Dynamic):
             "half": frozen(stats.loguniform, 0.1 * size, 10 * size),
             "level": frozen(stats.uniform, scale=2 * size),
         }
-        center = axis.center if change.form == "seasonal" else 0.0
-        return self.filled(
-            prefix=self.prefix or self.free_prefix(context, change),
-            priors=self.all_priors(defaults),
-            center=center if self.center is None else self.center,
-            size=size,
-        )
+        center = axis.center if self.form == "seasonal" else 0.0
+        center = center if self.center is None else self.center
+        return self.completed(context, defaults, center=center, size=size)
 
     def grid(self) -> dict[str, FloatArray]:
         """Return periods evenly spaced in frequency; else quantiles of the further number."""
         if self.form != "seasonal":
             return super().grid()
         return {"period": period_nodes(self.parameters["period"])}
-
-    def estimates(self, theta: Rows, coefficients: Rows) -> dict[str, FloatArray]:
-        """Return the rate, or period and amplitude."""
-        if self.form != "seasonal":
-            return dict(theta)
-        amplitude = np.hypot(theta["sine"], theta["cosine"])
-        return {"period": np.asarray(theta["period"]), "amplitude": amplitude}
 
     def shown(self) -> Code:
         """Return the term, as it is where the state is positive."""
@@ -232,27 +211,18 @@ def _of_states(form: str) -> Callable[[Context], Iterator[Cause]]:
     return lambda context: (DynamicTerm(state, form) for state in context.states)
 
 
-def _lacking(context: Context) -> list[tuple[None, str]]:
-    reason = "inside the dynamics: needs an OdeSimulator and surrogate=ExactSurrogate()"
-    return [] if context.states else [(None, reason)]
-
-
 register(
     Form(
         "missing-term",
         DynamicTerm,
         _of_states("constant"),
         meaning="{target} gains or loses something that its equation leaves out",
-        lacking=_lacking,
-        like=("parameter-drift",),
+        lacking=needs(
+            lambda context: context.states,
+            "inside the dynamics: needs an OdeSimulator and surrogate=ExactSurrogate()",
+        ),
         headline="The equation of {target} misses a constant {rate:gain|loss} of {rate:size}",
-        formula="slope of the state + rate",
-        priors="rate: Student-t, typical state over the span",
-        estimates="rate",
-        left_out="fewer than 3 times; no `OdeSimulator` with `ExactSurrogate`",
-    )
-)
-register(
+    ),
     Form(
         "missing-term: proportional",
         DynamicTerm,
@@ -260,88 +230,54 @@ register(
         headline=(
             "The equation of {target} misses a {rate:gain|loss} in proportion to it, {rate:size}"
         ),
-        call='`..., form="proportional"`',
-        formula="slope of the state + rate state",
-        priors="rate: Student-t, one over the span",
-        estimates="rate",
-        left_out="the same",
-    )
-)
-register(
+    ),
     Form(
         "missing-term: seasonal",
         DynamicTerm,
         _of_states("seasonal"),
         meaning="something drives {target} up and down regularly, and its equation leaves that out",
         headline="The equation of {target} misses a drive with a period of {period}",
-        call='`..., form="seasonal"`',
-        formula="slope of the state + amplitude sin(2π (t - center) / period + phase)",
-        priors="sine, cosine: Student-t, half the typical state at the median period; period: log-"
-        "uniform, 2 spacings to 2 spans",
-        estimates="period, amplitude",
-        left_out="fewer than 8 times",
-    )
-)
-register(
+    ),
     Form(
         "missing-term: power",
         DynamicTerm,
         _of_states("power"),
-        meaning="{target} gains or loses something that grows with a power of it, as by crowding, "
-        "and its equation leaves that out",
+        meaning=(
+            "{target} gains or loses something that grows with a power of it, as by crowding, "
+            "and its equation leaves that out"
+        ),
         headline="The equation of {target} misses a {rate:gain|loss} by a power of it",
-        call='`..., form="power"`',
-        formula="slope of the state + rate size (state / size)^exponent",
-        priors="rate: Student-t, one over the span; exponent: uniform, 1/4 to 3",
-        estimates="rate, exponent",
-        left_out="the same",
-    )
-)
-register(
+    ),
     Form(
         "missing-term: saturating",
         DynamicTerm,
         _of_states("saturating"),
-        meaning="{target} gains or loses something in proportion to it as long as it is small, and "
-        "a constant where it is large, and its equation leaves that out",
+        meaning=(
+            "{target} gains or loses something in proportion to it as long as it is small, and "
+            "a constant where it is large, and its equation leaves that out"
+        ),
         headline="The equation of {target} misses a {rate:gain|loss} that saturates",
-        call='`..., form="saturating"`',
-        formula="slope of the state + rate state / (half + state)",
-        priors="rate: Student-t, typical state over the span; half: log-uniform, a tenth to ten "
-        "times the typical state",
-        estimates="rate, half",
-        left_out="the same",
-    )
-)
-register(
+    ),
     Form(
         "missing-term: threshold",
         DynamicTerm,
         _of_states("threshold"),
-        meaning="{target} gains or loses something where it is above a level, as by an overflow, "
-        "and its equation leaves that out",
+        meaning=(
+            "{target} gains or loses something where it is above a level, as by an overflow, "
+            "and its equation leaves that out"
+        ),
         headline="The equation of {target} misses a {rate:gain|loss} above a level of {level}",
-        call='`..., form="threshold"`',
-        formula="slope of the state + rate max(state - level, 0)",
-        priors="rate: Student-t, four over the span; level: uniform, 0 to twice the typical state",
-        estimates="rate, level",
-        left_out="the same",
-    )
-)
-register(
+    ),
     Form(
         "missing-term: product",
         DynamicTerm,
         _of_pairs,
-        meaning="{target} gains or loses something where it meets another state, and its equation "
-        "leaves that out",
+        meaning=(
+            "{target} gains or loses something where it meets another state, and its equation "
+            "leaves that out"
+        ),
         headline="The equation of {target} misses a {rate:gain|loss} where two states meet",
-        call='`..., form="product", other=state`',
-        formula="slope of the state + rate state other",
-        priors="rate: Student-t, one over the span and the other's typical size",
-        estimates="rate",
-        left_out="the same; one state",
-    )
+    ),
 )
 
 
@@ -349,7 +285,8 @@ register(
 _MOST = 6
 
 
-class TermByExperiment(Dynamic):
+@dataclass(eq=False, repr=False)
+class TermByExperiment(OverExperiments, Dynamic):
     """A term missing from an `OdeSimulator` with another rate in each experiment.
 
     As `DynamicTerm` of the form ``"proportional"``, ``rate x`` in the slope of the state x. Where
@@ -387,26 +324,12 @@ class TermByExperiment(Dynamic):
         "experiment, and its equation leaves that out"
     )
 
-    def __init__(
-        self,
-        state: str,
-        column: str,
-        prefix: str | None = None,
-        prior: Prior | None = None,
-        levels: tuple[float, ...] = (),
-        labels: tuple[str, ...] | None = None,
-    ):
-        self.state = state
-        self.column = column
-        self.prefix = prefix
-        self.prior: Prior = prior
-        self.levels = levels
-        self.labels = labels
-
-    @property
-    def reads(self) -> tuple[str, ...]:
-        """The column of the experiments."""
-        return (self.column,)
+    state: str
+    column: str
+    prefix: str | None = None
+    prior: Prior = None
+    levels: tuple[float, ...] = ()
+    labels: tuple[str, ...] | None = None
 
     @property
     def variant(self) -> str:
@@ -426,20 +349,13 @@ class TermByExperiment(Dynamic):
     def prepare(self, context: Context) -> Cause:
         """Fill in the experiments and the prior of their rates."""
         term = DynamicTerm(self.state, "proportional", self.prefix).prepare(context)
-        found = context.axis(self.column).rows.tolist()
-        levels = self.levels or tuple(map(float, range(len(self.labels or ())))) or tuple(found)
         prior = self.prior or term.parameters["rate"]
-        return self.filled(prefix=term.prefix, prior=prior, levels=levels)
-
-    @property
-    def _names(self) -> list[str]:
-        """Names of the experiments' rates."""
-        labels = self.labels or tuple(f"{level:.12g}" for level in self.levels)
-        return [f"rate, {self.column} = {label}" for label in labels]
+        prefix = self.free_prefix(context)
+        return self.filled(prefix=prefix, prior=prior, levels=self.levels_in(context))
 
     def priors_by_name(self) -> Mapping[str, Prior]:
         """Return the priors of the rates."""
-        return dict.fromkeys(self._names, self.prior)
+        return dict.fromkeys(self.names_of_levels, self.prior)
 
     @property
     def priors_of_change(self) -> Mapping[str, Prior]:
@@ -448,27 +364,22 @@ class TermByExperiment(Dynamic):
 
     def inputs(self, X: Rows, omega: Rows, theta: Rows) -> tuple[Rows, Rows]:
         """Run the simulation with the rate of each row's experiment in its right-hand side."""
-        which = position_among(self.levels, X[self.column])
-        each = np.stack([*(theta[name] for name in self._names), np.zeros(len(which))])
-        own = each[which, np.arange(len(which))]
+        rates = [theta[name] for name in self.names_of_levels]
+        own = self.each_row(X, [*rates, np.zeros(len(X[self.column]))])
         return X, {**omega, self.modification.full("rate"): own}
 
-    def rows_of(self, X: Rows) -> dict[str, NDArray[np.bool_]]:
-        """Return the rows of each experiment."""
-        which = position_among(self.levels, X[self.column])
-        return {name: which == k for k, name in enumerate(self._names)}
+    @property
+    def names_of_levels(self) -> list[str]:
+        """Names of the rates."""
+        return [f"rate, {name}" for name in super().names_of_levels]
 
     def start(self) -> dict[str, float]:
         """Return rates of zero."""
-        return dict.fromkeys(self._names, 0.0)
-
-    def estimates(self, theta: Rows, coefficients: Rows) -> dict[str, FloatArray]:
-        """Return the rates."""
-        return {name: np.asarray(theta[name]) for name in self._names}
+        return dict.fromkeys(self.names_of_levels, 0.0)
 
     def code(self) -> Code:
         """Return the cause as Python."""
-        levels = tuple(zip(self.levels, self._names, strict=True))
+        levels = tuple(zip(self.levels, self.names_of_levels, strict=True))
         return Code(
             "{rate} * {state}",
             columns={"x": self.column},
@@ -481,7 +392,7 @@ class TermByExperiment(Dynamic):
 
     def formula(self, values: Mapping[str, float]) -> str:
         """Return the extended simulation in words."""
-        rates = ", ".join(f"{values[name]:+.4g} ({name[6:]})" for name in self._names)
+        rates = ", ".join(f"{values[name]:+.4g} ({name[6:]})" for name in self.names_of_levels)
         return f"simulation with a rate per experiment times {self.state} in its slope: {rates}"
 
 
@@ -505,10 +416,5 @@ register(
             "The equation of {target} misses a term in proportion to it that "
             "differs between experiments"
         ),
-        call="`TermByExperiment(state, e)`",
-        formula="slope of the state + rate of the experiment times the state",
-        priors="rates: Student-t, one over the span",
-        estimates="rate of each experiment",
-        left_out="no declared experiments in which a rate differs, or more than six",
     )
 )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 
 import numpy as np
 from scipy import stats
@@ -21,6 +22,7 @@ _PAIRS, _PERIOD = 30, 3.0
 _EDGE = _PERIOD / 2
 
 
+@dataclass(eq=False, repr=False)
 class Autocorrelation(OverColumn):
     """Correlated noise along an ordered column, in addition to the independent noise.
 
@@ -70,32 +72,19 @@ class Autocorrelation(OverColumn):
         "constant",
         *(f"{wave}_{k}" for k in range(1, _PAIRS + 1) for wave in ("cos", "sin")),
     )
+    variant = "autocorrelation"
+    # the simulation is right
+    changes_output = False
 
-    def __init__(
-        self,
-        column: str,
-        length: Prior | None = None,
-        amplitude: Prior | None = None,
-        axis: Axis = UNKNOWN,
-    ):
-        super().__init__(column, axis)
-        self.length = length
-        self.amplitude = amplitude
-
-    @property
-    def variant(self) -> str:
-        """Neighbours that err together."""
-        return "autocorrelation"
+    column: str
+    length: Prior | None = None
+    amplitude: Prior | None = None
+    axis: Axis = UNKNOWN
 
     @property
     def name(self) -> str:
         """The kind and the column, and what is meant."""
         return f"noise({self.column}, autocorrelated)"
-
-    @property
-    def changes_output(self) -> bool:
-        """False: the simulation is right."""
-        return False
 
     def prepare(self, context: Context) -> Cause:
         """Fill in middle and span of the column and the priors."""
@@ -136,10 +125,6 @@ class Autocorrelation(OverColumn):
         variance = np.where(order, 4, 2) / _PERIOD * rate / (rate**2 + frequency**2) * cut
         return np.sqrt(variance) * np.reshape(amplitude, (-1, 1))
 
-    def estimates(self, theta: Rows, coefficients: Rows) -> dict[str, FloatArray]:
-        """Return the correlation length and the standard deviation of the correlated part."""
-        return {name: np.asarray(values) for name, values in theta.items()}
-
     def code(self) -> Code:
         """Return the cause as Python."""
         return Code(
@@ -166,12 +151,6 @@ register(
         lambda context: map(Autocorrelation, context.inputs[:1]),
         least_rows=8,
         least_distinct=12,
-        like=("unexplained",),
         headline="The errors of neighbouring measurements of {output} are correlated",
-        formula="eta + u(x); u Gaussian, covariance amplitude² exp(-distance / length)",
-        priors="length: log-uniform, half a spacing to a twentieth of the span or four spacings; "
-        "amplitude: log-uniform, 0.3 % to 100 % of the spread of the output",
-        estimates="length, amplitude",
-        left_out="fewer than 12 distinct values",
     )
 )

@@ -14,6 +14,7 @@ from scipy import stats
 from hybridsurrogate.effects.base import ERROR, Cause, Context, Declared, FloatArray, Rows
 from hybridsurrogate.effects.context import MOST_EXPERIMENTS, position_among
 from hybridsurrogate.effects.expressions import Code
+from hybridsurrogate.effects.over_column import OverExperiments
 from hybridsurrogate.exceptions import did_you_mean
 from hybridsurrogate.priors import frozen
 from hybridsurrogate.simulation.outputs import OUTPUT
@@ -104,6 +105,7 @@ class RowErrors:
         return np.asarray(values)[rows[OUTPUT].astype(np.intp)]
 
 
+@dataclass(eq=False, repr=False)
 class Jitter(Declared):
     """Noise in addition to the known errors of rows; no fault, but part of every model of them.
 
@@ -129,10 +131,9 @@ class Jitter(Declared):
 
     kind = "jitter"
 
-    def __init__(self, errors: RowErrors, prior: Prior, outputs: tuple[str, ...] = ()):
-        self.errors = errors
-        self.prior = prior
-        self.outputs = outputs
+    errors: RowErrors
+    prior: Prior
+    outputs: tuple[str, ...] = ()
 
     def priors_by_name(self) -> Mapping[str, Prior]:
         """Return the prior of the jitter of each output."""
@@ -153,13 +154,12 @@ class Jitter(Declared):
         return Code("", does="nothing")
 
 
-# an experiment that was not measured
-_ANOTHER = "another"
 # of the largest variance: differences and eigenvalues below it are rounding
 _ROUNDING = 1e-8
 
 
-class SharedErrors(Declared):
+@dataclass(eq=False, repr=False)
+class SharedErrors(OverExperiments):
     """Errors that rows share, in addition to the error of each row; no fault, but part of the data.
 
     Rows with the value k of a column have ``simulation + e_k``: a batch, a run or a sensor that was
@@ -210,20 +210,14 @@ class SharedErrors(Declared):
     kind = "shared-errors"
     about = "column"
     coefficient_sd = 1.0
+    # what was measured is off
+    changes_output = False
 
-    def __init__(
-        self,
-        column: str,
-        spread: Prior | float | None = None,
-        covariance: Any = None,
-        levels: tuple[float, ...] = (),
-        labels: tuple[str, ...] | None = None,
-    ):
-        self.column = column
-        self.spread = spread
-        self.covariance = covariance
-        self.levels = levels
-        self.labels = labels
+    column: str
+    spread: Prior | float | None = None
+    covariance: Any = None
+    levels: tuple[float, ...] = ()
+    labels: tuple[str, ...] | None = None
 
     @classmethod
     def of_rows(cls, covariance: Any, column: str) -> tuple[FloatArray, SharedErrors]:
@@ -287,8 +281,7 @@ class SharedErrors(Declared):
                 spread = frozen(stats.halfcauchy, scale=context.scale)
             elif isinstance(spread, float | int) and not 0 < spread < np.inf:
                 raise ValueError(f"{self.name} needs a spread that is positive, got {spread!r}.")
-            numbered = tuple(map(float, range(len(labels or ()))))
-            levels = self.levels or numbered or tuple(found.tolist())
+            levels = self.levels_in(context, labels)
             return self.filled(spread=spread, levels=levels, labels=labels)
         if self.spread is not None:
             raise ValueError(f"{self.name} has a spread or a covariance, not both.")
@@ -334,24 +327,14 @@ class SharedErrors(Declared):
         return levels
 
     @property
-    def _names(self) -> list[str]:
-        labels = self.labels or tuple(f"{level:.12g}" for level in self.levels)
-        return [f"{self.column} = {label}" for label in labels]
-
-    @property
     def coefficients(self) -> tuple[str, ...]:  # type: ignore[override]
         """One name for each value of the column, one that was not measured included."""
-        return (*self._names, f"{_ANOTHER} {self.column}")
+        return (*self.names_of_levels, self.another)
 
     def priors_by_name(self) -> Mapping[str, Prior]:
         """Return the prior of the spread where it is unknown."""
         known = self.covariance is not None or isinstance(self.spread, float | int)
         return {} if known else {"spread": self.spread}
-
-    @property
-    def changes_output(self) -> bool:
-        """The simulation is as it was: what was measured is off."""
-        return False
 
     def factors(self, X: Rows, theta: Rows) -> tuple[FloatArray, FloatArray]:
         """Return a root of the covariance at each row, and its height."""
@@ -387,7 +370,7 @@ class SharedErrors(Declared):
         each = (self._height(theta) * drawn) @ self._root.T
         out = {"spread": np.asarray(theta["spread"])} if "spread" in theta else {}
         if len(self.levels) <= MOST_EXPERIMENTS:
-            out.update(zip(self._names, each.T, strict=False))
+            out.update(zip(self.names_of_levels, each.T, strict=False))
         return out
 
     def code(self) -> Code:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from scipy import stats
@@ -18,8 +19,8 @@ from hybridsurrogate.effects.base import (
 )
 from hybridsurrogate.effects.context import UNKNOWN, UNMEASURED, Axis, OutputScale
 from hybridsurrogate.effects.expressions import Code
-from hybridsurrogate.effects.inputs import trouble_with_levels
-from hybridsurrogate.effects.over_column import OverColumn
+from hybridsurrogate.effects.inputs import at_levels
+from hybridsurrogate.effects.over_column import AtLevel, OverColumn
 from hybridsurrogate.effects.registry import Form, over_columns, register
 from hybridsurrogate.priors import frozen
 from hybridsurrogate.simulation.outputs import OUTPUT
@@ -31,6 +32,7 @@ _SD = 2.0
 _BEYOND = 0.25
 
 
+@dataclass(eq=False, repr=False)
 class OutputNoise(Declared):
     """Separate noise for each of several outputs, relative to that of the first.
 
@@ -55,9 +57,8 @@ class OutputNoise(Declared):
 
     kind = "noise-of-outputs"
 
-    def __init__(self, outputs: Sequence[str], ratios: Sequence[float] | None = None):
-        self.outputs = outputs
-        self.ratios = ratios
+    outputs: Sequence[str]
+    ratios: Sequence[float] | None = None
 
     def priors_by_name(self) -> Mapping[str, Prior]:
         """Return the ratios of the other outputs, unless they are known."""
@@ -83,6 +84,7 @@ class OutputNoise(Declared):
         return float(np.sum(stats.norm.logpdf(np.log(self.ratios[1:]), scale=_SD)))
 
 
+@dataclass(eq=False, repr=False)
 class Noise(OverColumn):
     """Noise whose standard deviation grows or shrinks over a column; the simulation is right.
 
@@ -123,9 +125,9 @@ class Noise(OverColumn):
     kind = "noise"
     unknowns = ("slope",)
 
-    def __init__(self, column: str, slope: Prior | None = None, axis: Axis = UNKNOWN):
-        super().__init__(column, axis)
-        self.slope = slope
+    column: str
+    slope: Prior | None = None
+    axis: Axis = UNKNOWN
 
     @property
     def pivot(self) -> float:
@@ -178,16 +180,12 @@ register(
         meaning="the scatter of the measurements changes over {column}",
         least_rows=8,
         headline="The scatter of {output} changes over {column}",
-        formula="eta; noise sigma exp(slope u), centred at the mean of x; constant a quarter of "
-        "the span beyond the rows",
-        priors="slope of u: standard normal",
-        estimates="slope (of log sigma, per unit of x), ratio (last end against first)",
-        left_out="fewer than 8 rows",
     )
 )
 
 
-class NoiseAtLevel(Declared):
+@dataclass(eq=False, repr=False)
+class NoiseAtLevel(AtLevel):
     """Noise that is larger or smaller where a column has one value; the simulation is right.
 
     One bad batch, one bad sensor: the standard deviation is ``ratio sigma`` there, and sigma
@@ -211,46 +209,25 @@ class NoiseAtLevel(Declared):
     """
 
     kind = "noise"
-    about = "column"
     unknowns = ("ratio",)
-    is_one_level = True
 
-    def __init__(self, column: str, level: float, ratio: Prior | None = None):
-        self.column = column
-        self.level = level
-        self.ratio = ratio
-
-    @property
-    def variant(self) -> str:
-        """The level."""
-        return f"level {self.level:.12g}"
-
-    @property
-    def name(self) -> str:
-        """The kind, the column and the level."""
-        return f"{self.kind}({self.column} = {self.level:.12g})"
+    column: str
+    level: float
+    ratio: Prior | None = None
 
     def prepare(self, context: Context) -> Cause:
         """Fill in the prior; raise ValueError where the level is never measured."""
-        found = np.unique(context.column(self.column))
-        if self.level not in found:
-            raise ValueError(f"{self.column!r} is never {self.level!r}; it is {list(found)}.")
+        context.check_level(self.column, self.level)
         return self if self.ratio is not None else self.filled(ratio=frozen(stats.lognorm, 1.0))
 
     def noise(self, X: Rows, theta: Rows) -> FloatArray:
         """Return the factor on the noise scale."""
-        return np.where(X[self.column] == self.level, theta["ratio"], 1.0)
+        return np.where(self.here(X), theta["ratio"], 1.0)
 
     def code(self) -> Code:
         """Return the cause as Python."""
-        return Code(
-            "{sigma} * np.where({x} == {level}, {ratio}, 1)",
-            {"ratio": "1"},
-            {"x": self.column},
-            levels={"level": (self.column, self.level)},
-            does="scatters",
-            name="noise_sd",
-        )
+        expression = "{sigma} * np.where({x} == {level}, {ratio}, 1)"
+        return self.code_at_level(expression, {"ratio": "1"}, does="scatters", name="noise_sd")
 
     def formula(self, values: Mapping[str, float]) -> str:
         """Return the extended simulation in words."""
@@ -258,28 +235,17 @@ class NoiseAtLevel(Declared):
         return f"simulation, with {values['ratio']:.4g} times the noise {there}"
 
 
-def _at_levels(context: Context) -> Iterator[Cause]:
-    for column in context.labels:
-        if trouble_with_levels(context, column) is None:
-            for level in np.unique(context.X[column]):
-                yield NoiseAtLevel(column, float(level))
-
-
 register(
     Form(
         "noise: level",
         NoiseAtLevel,
-        _at_levels,
-        meaning="the measurements scatter more, or less, in one experiment of {target} than in the "
-        "others",
+        lambda context: at_levels(NoiseAtLevel, context, context.labels),
+        meaning=(
+            "the measurements scatter more, or less, in one experiment of {target} than in the "
+            "others"
+        ),
         least_rows=12,
         headline="{output} scatters differently at one value of {target}",
-        call="`NoiseAtLevel(e, level=2)`",
-        formula="eta; noise ratio sigma where the label e is 2",
-        priors="ratio: log-normal, s = 1",
-        estimates="ratio",
-        left_out="no column of labels (declared, or 1, 2, 3 ...); more than 20 labels, "
-        "or one with fewer than 3 rows",
     )
 )
 
@@ -290,6 +256,7 @@ _FLOOR = 0.05
 _REACH = 2.0
 
 
+@dataclass(eq=False, repr=False)
 class NoiseOfMean(Declared):
     """Noise whose standard deviation is a power of the output's size; the simulation is right.
 
@@ -330,9 +297,8 @@ class NoiseOfMean(Declared):
     meaning = "the scatter of the measurements changes with the size of {output}"
     follows_mean = True
 
-    def __init__(self, exponent: Prior | None = None, measured: OutputScale = UNMEASURED):
-        self.exponent = exponent
-        self.measured = measured
+    exponent: Prior | None = None
+    measured: OutputScale = UNMEASURED
 
     @property
     def variant(self) -> str:
@@ -409,10 +375,5 @@ register(
         lambda context: [NoiseOfMean()],
         least_rows=8,
         headline="The scatter of {output} depends on its size",
-        formula="eta; noise sigma (m / size)^exponent, m = √(eta² + (size / 20)²), size: root mean "
-        "square of the output",
-        priors="exponent: normal, sd 1, or size / (2 spread of the output) where that is more",
-        estimates="exponent, ratio (output one spread above its mean against one below)",
-        left_out="fewer than 8 rows",
     )
 )

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
+from dataclasses import dataclass
 
 import numpy as np
 from scipy import stats
@@ -23,14 +24,13 @@ from hybridsurrogate.effects.registry import Form, over_inputs, register
 from hybridsurrogate.priors import frozen
 from hybridsurrogate.types import Prior
 
-# median and sd of the logarithm of the ratio: from a third of the other noise to ten times it
-_MEDIAN, _LOG_SD = 2.0, 1.0
 # |slope| that varies by less, as a share of its mean, makes noise like any other
 _LEAST_CHANGE = 0.1
 # a ratio of variances that is as good as any larger one
 _MOST = 1e6
 
 
+@dataclass(eq=False, repr=False)
 class NoiseOfSlope(Declared):
     """Noise from a quantity ``q`` of the simulation that differs between rows.
 
@@ -54,17 +54,10 @@ class NoiseOfSlope(Declared):
     about = "quantity"
     unknowns = ("ratio",)
 
-    def __init__(
-        self,
-        quantity: str,
-        ratio: Prior | None = None,
-        usual: float | None = None,
-        step: float | None = None,
-    ):
-        self.quantity = quantity
-        self.ratio = ratio
-        self.usual = usual
-        self.step = step
+    quantity: str
+    ratio: Prior | None = None
+    usual: float | None = None
+    step: float | None = None
 
     @property
     def follows_slope(self) -> tuple[str, float]:  # type: ignore[override]
@@ -74,14 +67,12 @@ class NoiseOfSlope(Declared):
 
     def prepare(self, context: Context) -> Cause:
         """Fill in the usual slope, the usual change and the prior."""
-        usual, step = self.usual, self.step
+        usual = self.usual
         if usual is None:
-            usual = float(np.sqrt(np.mean(slopes_of(self, context) ** 2)))
-        if step is None:
-            step = context.usual_change(self.quantity)
-        prior = self.ratio
-        if prior is None:
-            prior = frozen(stats.lognorm, _LOG_SD, scale=_MEDIAN)
+            usual = float(np.sqrt(np.mean(_slopes_of(self, context) ** 2)))
+        step = context.usual_change(self.quantity) if self.step is None else self.step
+        # from a third of the other noise to ten times it
+        prior = self.ratio or frozen(stats.lognorm, 1.0, scale=2.0)
         return self.filled(ratio=prior, usual=usual, step=step)
 
     def grid(self) -> dict[str, FloatArray]:
@@ -114,7 +105,7 @@ class NoiseOfSlope(Declared):
         )
 
 
-def slopes_of(cause: NoiseOfSlope, context: Context) -> FloatArray:
+def _slopes_of(cause: NoiseOfSlope, context: Context) -> FloatArray:
     """Return the slope of the simulation at the measured rows.
 
     Raises
@@ -136,7 +127,7 @@ def trouble(cause: Cause, context: Context) -> str | None:
     """Return why such noise cannot be separated from any other."""
     assert isinstance(cause, NoiseOfSlope)
     try:
-        size = np.abs(slopes_of(cause, context))
+        size = np.abs(_slopes_of(cause, context))
     except ValueError as error:
         return str(error).rstrip(".")
     if np.std(size) < _LEAST_CHANGE * np.mean(size):
@@ -176,11 +167,7 @@ class InputError(NoiseOfSlope):
     """
 
     kind = "input-error"
-
-    @property
-    def concerns(self) -> str:
-        """The measured input."""
-        return "inputs"
+    concerns = "inputs"
 
     def formula(self, values: Mapping[str, float]) -> str:
         """Return the extended simulation in words."""
@@ -196,20 +183,12 @@ register(
         "input-error",
         InputError,
         over_inputs(InputError),
-        meaning="the recorded {target} is not exact: {output} scatters where it is steep in "
-        "{target}",
+        meaning=(
+            "the recorded {target} is not exact: {output} scatters where it is steep in {target}"
+        ),
         least_rows=8,
         trouble=_trouble,
-        like=("noise", "random-parameter"),
         headline="{target} is not exactly where the data have it: its error is about {spread}",
-        call="`InputError(x)`",
-        formula="eta; noise sigma √(1 + (ratio slope / usual)²), slope: d eta / dx, usual: its "
-        "root mean square",
-        priors="ratio: log-normal, median 2, sd of the log 1",
-        estimates="spread (sd of x in a row), ratio (its noise against the other, at a usual "
-        "slope)",
-        left_out="fewer than 8 rows, or than 5 whole numbers one apart; as steep everywhere; "
-        "several outputs",
     )
 )
 
@@ -247,37 +226,24 @@ class RandomParameter(NoiseOfSlope):
     """
 
     kind = "random-parameter"
-
-    @property
-    def reads(self) -> tuple[str, ...]:
-        """No measured column."""
-        return ()
+    reads = ()  # no measured column
 
     def formula(self, values: Mapping[str, float]) -> str:
         """Return the extended simulation in words."""
         return f"simulation, with {self.quantity} varying by {values['spread']:.4g} (sd) by row"
 
 
-def _over_parameters(context: Context) -> Iterator[Cause]:
-    return (RandomParameter(name) for name in (*context.parameters, *context.assumed))
-
-
 register(
     Form(
         "random-parameter",
         RandomParameter,
-        _over_parameters,
-        meaning="the parameter {target} differs between rows: {output} scatters where it depends "
-        "on {target}",
+        lambda context: map(RandomParameter, (*context.parameters, *context.assumed)),
+        meaning=(
+            "the parameter {target} differs between rows: {output} scatters where it depends "
+            "on {target}"
+        ),
         least_rows=8,
         trouble=trouble,
-        like=("noise", "input-error"),
         headline="{target} differs from row to row, by about {spread}",
-        formula="eta; noise sigma √(1 + (ratio slope / usual)²), slope: d eta / dp, usual: its "
-        "root mean square",
-        priors="ratio: log-normal, median 2, sd of the log 1",
-        estimates="spread (sd of p between rows), ratio (its noise against the other, at a usual "
-        "slope)",
-        left_out="fewer than 8 rows; p counts as much everywhere; several outputs",
     )
 )

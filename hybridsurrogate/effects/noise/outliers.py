@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 from itertools import combinations
 from math import comb
 from typing import NamedTuple
@@ -45,6 +46,7 @@ class GrossRow(NamedTuple):
     predicted: float = np.nan
 
 
+@dataclass(eq=False, repr=False)
 class GrossError(Declared):
     """One or two measurements are unlike all others, by any amount; the simulation is right.
 
@@ -80,20 +82,15 @@ class GrossError(Declared):
     """
 
     kind = "gross-error"
+    concerns = "data"
+    # the simulation is right
+    changes_output = False
 
-    def __init__(
-        self,
-        n_rows: int = 1,
-        rows: tuple[GrossRow, ...] = (),
-        table: FloatArray | None = None,
-        columns_of_table: tuple[str, ...] = (),
-        sets: NDArray[np.intp] | None = None,
-    ):
-        self.n_rows = n_rows
-        self.rows = rows
-        self.table = table
-        self.columns_of_table = columns_of_table
-        self.sets = sets
+    n_rows: int = 1
+    rows: tuple[GrossRow, ...] = ()
+    table: FloatArray | None = None
+    columns_of_table: tuple[str, ...] = ()
+    sets: NDArray[np.intp] | None = None
 
     @property
     def variant(self) -> str:
@@ -104,16 +101,6 @@ class GrossError(Declared):
     def name(self) -> str:
         """The kind, and how many rows."""
         return f"{self.kind}({self.variant})" if self.variant else self.kind
-
-    @property
-    def concerns(self) -> str:
-        """Single measurements."""
-        return "data"
-
-    @property
-    def changes_output(self) -> bool:
-        """False: the simulation is right."""
-        return False
 
     def priors_by_name(self) -> Mapping[str, Prior]:
         """Return which of all rows or pairs it is; those that are tried come first."""
@@ -221,20 +208,15 @@ class GrossError(Declared):
 
     def _in_words(self, values: Mapping[str, float], end: str) -> str:
         number = round(values[f"row{end}"])
-        place = self._place(number)
+        at = next((dict(row.at) for row in self.rows if row.number == number), {})
+        if not at and self.table is not None:
+            at = dict(zip(self.columns_of_table, self.table[number - 1].tolist(), strict=True))
+        place = ", ".join(f"{name} = {rounded(value)}" for name, value in at.items())
         return (
             f"row {number}{f' ({place})' if place else ''} is unlike the others: "
             f"{values[f'measured{end}']:.6g}, where the simulation predicts "
             f"{values[f'predicted{end}']:.4g}"
         )
-
-    def _place(self, number: int) -> str:
-        at: Mapping[str, float] = {}
-        if self.table is not None:
-            at = dict(zip(self.columns_of_table, self.table[number - 1].tolist(), strict=True))
-        for row in self.rows:
-            at = dict(row.at) if row.number == number else at
-        return ", ".join(f"{name} = {rounded(value)}" for name, value in at.items())
 
 
 def _trouble(cause: Cause, context: Context) -> str | None:
@@ -248,38 +230,30 @@ register(
         "gross-error",
         GrossError,
         lambda context: [GrossError()],
-        meaning="one measurement of {output} is unlike the others: check that row, and correct it "
-        "or leave it out",
+        meaning=(
+            "one measurement of {output} is unlike the others: check that row, and correct it "
+            "or leave it out"
+        ),
         least_rows=8,
         trouble=_trouble,
-        like=("noise", "episode", "step", "bump"),
         headline="One measurement of {output} is unlike all others",
-        formula="eta, + shift in row i (mean-shift outlier model)",
-        priors="i: each of n rows with probability 1/n; of more than 200 rows those missed most",
-        estimates="row, measured and predicted output",
-        left_out="fewer than 8 rows; a likelihood that is not normal; several outputs",
-    )
-)
-register(
+    ),
     Form(
         "gross-error: two rows",
         GrossError,
         lambda context: [GrossError(2)],
-        meaning="two measurements of {output} are unlike the others: check these rows, and correct "
-        "them or leave them out",
+        meaning=(
+            "two measurements of {output} are unlike the others: check these rows, and correct "
+            "them or leave them out"
+        ),
         least_rows=8,
         trouble=_trouble,
         headline="Two measurements of {output} are unlike all others",
-        call="`GrossError(2)`",
-        formula="eta, + shifts in rows i and j",
-        priors="i and j: each pair with probability 2/(n (n - 1)); tried are those of the 12 rows "
-        "missed most",
-        estimates="rows, measured and predicted outputs",
-        left_out="the same",
-    )
+    ),
 )
 
 
+@dataclass(eq=False, repr=False)
 class Outliers(Declared):
     """Heavy tails: a share of the measurements scatters much more; the simulation is right.
 
@@ -310,19 +284,10 @@ class Outliers(Declared):
     kind = "noise"
     unknowns = ("share",)
     meaning = "a few measurements of {output} are far off, and carry little information"
+    variant = "tails"
+    name = "noise(outliers)"
 
-    def __init__(self, share: Prior | None = None):
-        self.share = share
-
-    @property
-    def variant(self) -> str:
-        """Heavy tails."""
-        return "tails"
-
-    @property
-    def name(self) -> str:
-        """The kind, and which."""
-        return "noise(outliers)"
+    share: Prior | None = None
 
     def prepare(self, context: Context | None) -> Cause:
         """Fill in the prior."""
@@ -365,9 +330,5 @@ register(
         lambda context: [Outliers()],
         least_rows=8,
         headline="Some measurements of {output} are outliers",
-        formula="eta; each row with probability share an outlier, of 3 to 30 sigma (log-uniform)",
-        priors="share: log-uniform, 1 to 40 %",
-        estimates="share",
-        left_out="fewer than 8 rows",
     )
 )

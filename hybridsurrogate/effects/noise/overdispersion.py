@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 
 import numpy as np
 from scipy import stats
@@ -20,6 +21,7 @@ _LARGEST_SCATTER = 2.0
 _ALIKE = 0.999
 
 
+@dataclass(eq=False, repr=False)
 class Overdispersion(Declared):
     """Counts that scatter more than their likelihood allows; the simulation is right.
 
@@ -60,26 +62,12 @@ class Overdispersion(Declared):
     unknowns = ("ratio",)
     meaning = "counts of {output} scatter more than independent events or trials do"
     follows_mean = True
+    variant = "overdispersed"
+    name = "noise(overdispersed)"
 
-    def __init__(
-        self,
-        ratio: Prior | None = None,
-        trials: int | None = None,
-        measured: OutputScale = UNMEASURED,
-    ):
-        self.ratio = ratio
-        self.trials = trials
-        self.measured = measured
-
-    @property
-    def variant(self) -> str:
-        """Which of the forms of noise it is."""
-        return "overdispersed"
-
-    @property
-    def name(self) -> str:
-        """The kind, and which."""
-        return "noise(overdispersed)"
+    ratio: Prior | None = None
+    trials: int | None = None
+    measured: OutputScale = UNMEASURED
 
     def prepare(self, context: Context) -> Cause:
         """Fill in the usual size of a count or the number of trials, and the prior."""
@@ -118,22 +106,13 @@ class Overdispersion(Declared):
 
     def code(self) -> Code:
         """Return the cause as Python."""
+        variance, mean = "{mean} + ({scatter} * {mean}) ** 2", "expected count"
         if self.trials is not None:
             n, share = self.trials, "{scatter} ** 2 / (1 + {scatter} ** 2)"
-            return Code(
-                f"{{mean}} * (1 - {{mean}} / {n}) * (1 + {n - 1} * {share})",
-                {"scatter": "1"},
-                arguments={"mean": "expected number of successes"},
-                does="scatters",
-                name="noise_variance",
-            )
-        return Code(
-            "{mean} + ({scatter} * {mean}) ** 2",
-            {"scatter": "1"},
-            arguments={"mean": "expected count"},
-            does="scatters",
-            name="noise_variance",
-        )
+            variance = f"{{mean}} * (1 - {{mean}} / {n}) * (1 + {n - 1} * {share})"
+            mean = "expected number of successes"
+        arguments, name = {"mean": mean}, "noise_variance"
+        return Code(variance, {"scatter": "1"}, arguments=arguments, does="scatters", name=name)
 
     def formula(self, values: Mapping[str, float]) -> str:
         """Return the extended simulation in words."""
@@ -156,10 +135,5 @@ register(
         lambda context: [Overdispersion()] if context.overdisperses else [],
         least_rows=8,
         headline="The counts of {output} scatter more than independent events or trials do",
-        formula="counts of mean mu with variance mu + scatter² mu²; successes of n trials with "
-        "variance ratio² n p (1 - p)",
-        priors="ratio of standard deviations, at a usual count: log-uniform from 1 on",
-        estimates="ratio, scatter",
-        left_out="a likelihood other than Poisson or binomial; single trials; fewer than 8 rows",
     )
 )

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from scipy import stats
 
@@ -24,6 +26,7 @@ from hybridsurrogate.types import Prior
 _MOST_CYCLES, _MOST_OF_OVERTONE = 2500, 100
 
 
+@dataclass(eq=False, repr=False)
 class Periodic(OverColumn):
     """A sine of unknown period, amplitude and phase over one column, perhaps with an overtone.
 
@@ -58,16 +61,10 @@ class Periodic(OverColumn):
     kind = "periodic"
     unknowns = ("period",)
 
-    def __init__(
-        self,
-        column: str,
-        period: Prior | None = None,
-        harmonics: int = 1,
-        axis: Axis = UNKNOWN,
-    ):
-        super().__init__(column, axis)
-        self.period = period
-        self.harmonics = harmonics
+    column: str
+    period: Prior | None = None
+    harmonics: int = 1
+    axis: Axis = UNKNOWN
 
     @property
     def variant(self) -> str:
@@ -84,15 +81,13 @@ class Periodic(OverColumn):
         if self.harmonics not in (1, 2):
             raise ValueError(f"harmonics must be 1 or 2, got {self.harmonics!r}.")
         axis = self.along(context)
-        return self.filled(axis=axis, period=self.period or self._period_prior(axis))
-
-    def _period_prior(self, axis: Axis) -> Prior:
         if self.harmonics == 1:
             shortest = 1 / highest_frequency(axis.rows, _MOST_CYCLES)
         else:
             n = max(len(axis.rows), 4)
             shortest = 2 * axis.span * max(2.0 / (n - 1), 1.0 / _MOST_OF_OVERTONE)
-        return frozen(stats.loguniform, shortest, LONGEST_PERIOD * axis.span)
+        period = self.period or frozen(stats.loguniform, shortest, LONGEST_PERIOD * axis.span)
+        return self.filled(axis=axis, period=period)
 
     def grid(self) -> dict[str, FloatArray]:
         """Return periods evenly spaced in frequency, five per independent (highest) frequency."""
@@ -129,8 +124,8 @@ class Periodic(OverColumn):
 
     def code(self) -> Code:
         """Return the cause as Python."""
-        whole, steps = "{amplitude} * np.cos({angle})", {}
-        steps["angle"] = "2 * np.pi * ({x} - {peak}) / {period}"
+        whole = "{amplitude} * np.cos({angle})"
+        steps = {"angle": "2 * np.pi * ({x} - {peak}) / {period}"}
         numbers = {"period": "{x}", "amplitude": "{y}", "peak": "{x}"}
         if self.harmonics == 2:
             whole += " + {overtone} * np.cos({overtone_angle})"
@@ -146,28 +141,15 @@ register(
         over_columns(Periodic),
         meaning="a regular wave over {column} is in the data and not in the simulation",
         least_distinct=8,
-        like=("trend", "bump"),
         headline=(
             "The simulation misses a cycle of {output}: {amplitude:around} with a period of "
             "{period}"
         ),
-        formula="eta + amplitude cos(2π (x - peak) / period)",
-        priors="period: log-uniform, 2 spacings (a fifth of that in irregular rows, at least a "
-        "2500th of the span) to 2 spans",
-        estimates="period, amplitude, peak",
-        left_out="fewer than 8 distinct values",
-    )
-)
-register(
+    ),
     Form(
         "periodic: overtone",
         Periodic,
         over_inputs(lambda column: Periodic(column, harmonics=2)),
         least_distinct=12,
-        call="`Periodic(x, harmonics=2)`",
-        formula="... + overtone cos(4π (x - overtone_peak) / period)",
-        priors="period: log-uniform, 4 spacings (at least a 50th of the span) to 2 spans",
-        estimates="period, amplitude, peak, overtone, overtone_peak",
-        left_out="fewer than 12 distinct values",
-    )
+    ),
 )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from scipy import stats
@@ -11,7 +12,7 @@ from hybridsurrogate.effects.base import Cause, Context, Declared, FloatArray, R
 from hybridsurrogate.effects.context import UNKNOWN, Axis
 from hybridsurrogate.effects.expressions import Code
 from hybridsurrogate.effects.over_column import OverColumn
-from hybridsurrogate.effects.registry import Form, register
+from hybridsurrogate.effects.registry import WITHOUT_LABELS, Form, register
 from hybridsurrogate.numerics import hilbert
 from hybridsurrogate.priors import frozen
 from hybridsurrogate.simulation.arrays import is_of_calendar
@@ -23,9 +24,10 @@ from hybridsurrogate.types import Prior
 # inputs follow lengths from 0.375 on
 _N_BASIS, _N_BASIS_EACH = {1: 24, 2: 7}, 10
 # places of the table of a curve, interpolated by lines, and of each side of a surface, by cubics
-_PLACES_OF_DIMENSIONS = {1: 121, 2: 25}
+PLACES_OF_CURVE, _PLACES_OF_SURFACE = 121, 25
 
 
+@dataclass(eq=False, repr=False)
 class GaussianProcessDiscrepancy(Declared):
     """A Gaussian process over the simulation's inputs, by a Hilbert-space basis.
 
@@ -57,15 +59,9 @@ class GaussianProcessDiscrepancy(Declared):
     kind = "unexplained"
     is_process = True
 
-    def __init__(
-        self,
-        ranges: Mapping[str, tuple[float, float]] | None = None,
-        length_scale: Prior | None = None,
-        amplitude: Prior | None = None,
-    ):
-        self.ranges = ranges
-        self.length_scale: Prior = length_scale
-        self.amplitude = amplitude
+    ranges: Mapping[str, tuple[float, float]] | None = None
+    length_scale: Prior = None
+    amplitude: Prior | None = None
 
     def prepare(self, context: Context) -> Cause:
         """Fill in the measured ranges of the inputs and the prior of the length scale."""
@@ -104,18 +100,17 @@ class GaussianProcessDiscrepancy(Declared):
     def grid(self) -> dict[str, FloatArray]:
         """Return six length scales."""
         low, high = self.length_scale.support()
+        nodes = quantiles(self.length_scale, 6)
         if low > 0 and np.isfinite(high):
             nodes = np.geomspace(1.05 * low, high / 1.05, 6)
-        else:
-            nodes = np.asarray(self.length_scale.ppf((np.arange(6) + 0.5) / 6))
         if self.amplitude is None:
             return {"length_scale": nodes}
-        return {"length_scale": nodes, "amplitude": self.amplitude.ppf([0.1, 0.3, 0.5, 0.7, 0.9])}
+        return {"length_scale": nodes, "amplitude": quantiles(self.amplitude, 5)}
 
     def factors(self, X: Rows, theta: Rows) -> tuple[FloatArray, FloatArray]:
         """Return the basis functions, and the root of the spectral density of each."""
         n = self._n_waves
-        waves = [hilbert.waves(_scaled(X[name], *ends), n) for name, ends in self._ranges.items()]
+        waves = [hilbert.waves(scaled(X[name], *ends), n) for name, ends in self._ranges.items()]
         heights = [hilbert.heights(theta["length_scale"], n)] * len(waves)
         of_rows, of_draws = (_joined(each) for each in (waves, heights))
         if self.amplitude is not None:
@@ -128,63 +123,40 @@ class GaussianProcessDiscrepancy(Declared):
     def _n_waves(self) -> int:
         return _N_BASIS.get(len(self._ranges), _N_BASIS_EACH)
 
-    def estimates(self, theta: Rows, coefficients: Rows) -> dict[str, FloatArray]:
-        """Return the length scale on inputs scaled to [-1, 1], and the amplitude."""
-        return {name: np.asarray(values) for name, values in theta.items()}
-
     def code(self) -> Code:
         """Return the cause as Python."""
-        names = list(self._ranges)
-        x = {f"x{k}": name for k, name in enumerate(names)}
-        grids = {
-            f"grid{k}": (*self._ends(name), _PLACES_OF_DIMENSIONS[1])
-            for k, name in enumerate(names)
-        }
-        if len(names) == 2:
-            grids = {
-                name: (low, high, _PLACES_OF_DIMENSIONS[2])
-                for name, (low, high, _) in grids.items()
-            }
-            held = {
-                f"held{k}": f"np.clip({{x{k}}}, {{grid{k}}}[0], {{grid{k}}}[-1])" for k in (0, 1)
-            }
-            return Code(
-                "{surface}({held0}, {held1}, grid=False)",
-                columns=x,
-                steps={"surface": "RectBivariateSpline({grid0}, {grid1}, {table0})", **held},
-                grids=grids,
-                tables=self._tables,
-            )
-        curves = [f"np.interp({{x{k}}}, {{grid{k}}}, {{table{k}}})" for k in range(len(names))]
-        return Code(" + ".join(curves), columns=x, grids=grids, tables=self._tables)
+        x = {f"x{k}": name for k, name in enumerate(self._ranges)}
+        grids = {f"grid{k}": self._grid(name) for k, name in enumerate(self._ranges)}
+        if len(x) != 2:
+            curves = [f"np.interp({{x{k}}}, {{grid{k}}}, {{table{k}}})" for k in range(len(x))]
+            return Code(" + ".join(curves), columns=x, grids=grids, tables=self._tables)
+        held = {f"held{k}": f"np.clip({{x{k}}}, {{grid{k}}}[0], {{grid{k}}}[-1])" for k in (0, 1)}
+        return Code(
+            "{surface}({held0}, {held1}, grid=False)",
+            columns=x,
+            steps={"surface": "RectBivariateSpline({grid0}, {grid1}, {table0})", **held},
+            grids=grids,
+            tables=self._tables,
+        )
 
-    def _ends(self, name: str) -> tuple[float, float]:
-        """Return the places of an input beyond which the curve is constant."""
+    def _grid(self, name: str) -> tuple[float, float, int]:
+        """Return the places of an input beyond which the curve is constant, and how many."""
         low, high = self._ranges[name]
         middle, reach = (low + high) / 2, hilbert.BOUNDARY * ((high - low) or 1.0) / 2
-        return middle - reach, middle + reach
+        n = _PLACES_OF_SURFACE if len(self._ranges) == 2 else PLACES_OF_CURVE
+        return middle - reach, middle + reach, n
 
     def _tables(self, theta: Rows, coefficients: Rows) -> dict[str, FloatArray]:
         """Return the mean curve over each input, or the surface over two, on grids."""
-        names = list(self._ranges)
-        several = len(names) == 2
-        grids = [
-            np.linspace(*self._ends(name), _PLACES_OF_DIMENSIONS[2 if several else 1])
-            for name in names
-        ]
-        if several:
+        names, waves = list(self._ranges), self._n_waves
+        grids = [np.linspace(*self._grid(name)) for name in names]
+        if len(names) == 2:
             grids = [grid.ravel() for grid in np.meshgrid(*grids, indexing="ij")]
         # an effect of one input is that of its own waves: a sum of them needs no others
-        X = dict(zip(names, grids, strict=True))
-        of_rows, of_draws = self.factors(X, theta)
+        of_rows, of_draws = self.factors(dict(zip(names, grids, strict=True)), theta)
         mean = np.mean(of_draws * np.column_stack(list(coefficients.values())), axis=0)
-        if several:
-            return {
-                "table0": (of_rows @ mean).reshape(
-                    _PLACES_OF_DIMENSIONS[2], _PLACES_OF_DIMENSIONS[2]
-                )
-            }
-        waves = self._n_waves
+        if len(names) == 2:
+            return {"table0": (of_rows @ mean).reshape(_PLACES_OF_SURFACE, _PLACES_OF_SURFACE)}
         parts = [slice(k * waves, (k + 1) * waves) for k in range(len(names))]
         return {f"table{k}": of_rows[:, part] @ mean[part] for k, part in enumerate(parts)}
 
@@ -193,7 +165,8 @@ class GaussianProcessDiscrepancy(Declared):
         return "simulation + a smooth discrepancy of unknown shape"
 
 
-def _scaled(x: FloatArray, low: float, high: float) -> FloatArray:
+def scaled(x: FloatArray, low: float, high: float) -> FloatArray:
+    """Return places from -1 at one end to 1 at the other."""
     return (2 * x - low - high) / ((high - low) or 1.0)
 
 
@@ -209,15 +182,10 @@ register(
         "unexplained",
         GaussianProcessDiscrepancy,
         lambda context: [GaussianProcessDiscrepancy()],
-        like=("noise",),
         headline=(
             "The simulation misses a smooth change of {output} that no cause of "
             "the catalogue explains"
         ),
-        formula="eta + a smooth curve over the inputs",
-        priors="length scale on [-1, 1]: log-uniform, 0.15 (0.3 for several inputs) to 2",
-        estimates="length_scale",
-        left_out="never",
     )
 )
 
@@ -227,10 +195,9 @@ _LEAST_PLACES = 4
 # waves of each curve: enough for the shortest length, 0.3 of half the span (Riutort-Mayol et al.
 # 2023, Statistics and Computing 33:17, eq. 17: 1.75 * 1.5 / 0.3)
 _N_WAVES, _SHORTEST = 10, 0.15
-# places of the table of a curve
-_PLACES_OF_CURVE = 61
 
 
+@dataclass(eq=False, repr=False)
 class CurveByExperiment(OverColumn):
     """A smooth curve of unknown shape over one input, which differs between experiments.
 
@@ -274,20 +241,12 @@ class CurveByExperiment(OverColumn):
     is_process = True
     coefficient_sd = 1.0
 
-    def __init__(
-        self,
-        column: str,
-        by: str,
-        length: Prior | None = None,
-        amplitude: Prior | None = None,
-        levels: tuple[float, ...] = (),
-        axis: Axis = UNKNOWN,
-    ):
-        super().__init__(column, axis)
-        self.by = by
-        self.length = length
-        self.amplitude = amplitude
-        self.levels = levels
+    column: str
+    by: str
+    length: Prior | None = None
+    amplitude: Prior | None = None
+    levels: tuple[float, ...] = ()
+    axis: Axis = UNKNOWN
 
     @property
     def reads(self) -> tuple[str, ...]:
@@ -327,8 +286,8 @@ class CurveByExperiment(OverColumn):
 
     def factors(self, X: Rows, theta: Rows) -> tuple[FloatArray, FloatArray]:
         """Return the basis functions of each experiment's rows, and the heights of all."""
-        scaled = 2 * np.asarray(theta["length"]) / self.axis.span
-        parts = self._curve.factors(X, {"length_scale": scaled})
+        length_scale = 2 * np.asarray(theta["length"]) / self.axis.span
+        parts = self._curve.factors(X, {"length_scale": length_scale})
         of_rows, heights = (part[:, :_N_WAVES] for part in parts)
         levels = np.asarray(self.levels)
         is_of = X[self.by][:, None] == levels
@@ -342,14 +301,10 @@ class CurveByExperiment(OverColumn):
         half, middle = self.axis.span / 2, self.pivot
         return GaussianProcessDiscrepancy({self.column: (middle - half, middle + half)})
 
-    def estimates(self, theta: Rows, coefficients: Rows) -> dict[str, FloatArray]:
-        """Return length and standard deviation of the curves."""
-        return {name: np.asarray(values) for name, values in theta.items()}
-
     def code(self) -> Code:
         """Return the cause as Python."""
         x = {"x": self.column, "by": self.by}
-        grid = {"grid": (*self._ends, _PLACES_OF_CURVE)}
+        grid = {"grid": self._grid}
         levels = {f"level{k}": (self.by, level) for k, level in enumerate(self.levels)}
         known = ", ".join(f"{{level{k}}}" for k in range(len(self.levels)))
         return Code(
@@ -361,19 +316,18 @@ class CurveByExperiment(OverColumn):
         )
 
     @property
-    def _ends(self) -> tuple[float, float]:
-        """The places beyond which curves are constant."""
+    def _grid(self) -> tuple[float, float, int]:
+        """The places beyond which curves are constant, and how many."""
         reach = 0.75 * self.axis.span
-        return self.pivot - reach, self.pivot + reach
+        return self.pivot - reach, self.pivot + reach, PLACES_OF_CURVE
 
     def _tables(self, theta: Rows, coefficients: Rows) -> dict[str, FloatArray]:
         """Return the mean curve of each experiment on a grid."""
-        grid, curves = np.linspace(*self._ends, _PLACES_OF_CURVE), []
+        grid, curves = np.linspace(*self._grid), []
         drawn = np.column_stack(list(coefficients.values()))
         for level in self.levels:
-            of_rows, of_draws = self.factors(
-                {self.column: grid, self.by: np.full(_PLACES_OF_CURVE, level)}, theta
-            )
+            rows = {self.column: grid, self.by: np.full(len(grid), level)}
+            of_rows, of_draws = self.factors(rows, theta)
             curves.append(of_rows @ np.mean(of_draws * drawn, axis=0))
         return {"curves": np.array(curves)}
 
@@ -389,14 +343,6 @@ def _own_curves(context: Context) -> Iterator[Cause]:
     for by in context.labels:
         if not is_of_calendar(by):
             yield from (CurveByExperiment(column, by) for column in context.inputs)
-
-
-def _lacking(context: Context) -> Iterator[tuple[str | None, str]]:
-    if not context.labels:
-        yield (
-            None,
-            "no column labels experiments; experiment=... declares one",
-        )
 
 
 def _trouble(cause: Cause, context: Context) -> str | None:
@@ -416,23 +362,18 @@ register(
         "curve-by-experiment",
         CurveByExperiment,
         _own_curves,
-        meaning="{output} deviates by a smooth curve over {column} that differs between "
-        "experiments: correlated errors, or something that the simulation ignores",
+        meaning=(
+            "{output} deviates by a smooth curve over {column} that differs between "
+            "experiments: correlated errors, or something that the simulation ignores"
+        ),
         least_rows=8,
         least_distinct=2,
         trouble=_trouble,
-        lacking=_lacking,
-        like=("parameter-by-experiment", "unexplained"),
+        lacking=WITHOUT_LABELS,
         headline=(
             "{output} differs from the simulation by a smooth curve over {column} "
             "that is not the same in each experiment"
         ),
-        formula="eta + u_e(x); u_e Gaussian, covariance amplitude² exp(-distance²/(2 length²))",
-        priors="length: log-uniform, 15 % to 100 % of the span; amplitude: log-uniform, 0.3 % to "
-        "100 % of the spread of the output",
-        estimates="length, amplitude",
-        left_out="no column of labels (declared, or 1, 2, 3 ...); fewer than four places "
-        "in each experiment",
     )
 )
 
@@ -445,6 +386,7 @@ GROWTH, LEAST, MOST, LEAST_OF_CURVE = (
 )
 
 
+@dataclass(eq=False, repr=False)
 class Remainder(Declared):
     """What the simulation may still lack beyond the measured range; within it, nothing.
 
@@ -494,19 +436,11 @@ class Remainder(Declared):
     coefficient_sd = 1.0
     is_learned = False
 
-    def __init__(
-        self,
-        size: float,
-        least: float = LEAST,
-        ranges: Mapping[str, tuple[float, float]] | None = None,
-        by: str | None = None,
-        own: Mapping[str, Mapping[float, tuple[float, float]]] | None = None,
-    ):
-        self.size = size
-        self.least = least
-        self.ranges = ranges
-        self.by = by
-        self.own = own
+    size: float
+    least: float = LEAST
+    ranges: Mapping[str, tuple[float, float]] | None = None
+    by: str | None = None
+    own: Mapping[str, Mapping[float, tuple[float, float]]] | None = None
 
     def prepare(self, context: Context) -> Cause:
         """Fill in the measured ranges of the simulation's inputs, those of experiments too."""

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,7 +14,7 @@ from hybridsurrogate.effects.base import Act, Cause, Context, FloatArray, Rows
 from hybridsurrogate.effects.context import MOST_GAPS, UNKNOWN, Axis
 from hybridsurrogate.effects.expressions import Code
 from hybridsurrogate.effects.over_column import FromOrigin, Located
-from hybridsurrogate.effects.registry import Form, over_columns, over_inputs, register
+from hybridsurrogate.effects.registry import Form, needs, over_columns, over_inputs, register
 from hybridsurrogate.priors import frozen
 from hybridsurrogate.types import Prior
 
@@ -44,6 +46,8 @@ class Bump(Located):
 
     kind = "bump"
     coefficients = ("amplitude",)
+    expression = "{amplitude} * np.exp(-0.5 * (({x} - {location}) / {width}) ** 2)"
+    units: ClassVar[Mapping[str, str]] = {"amplitude": "{y}", "location": "{x}", "width": "{x}"}
 
     def priors_by_name(self) -> Mapping[str, Prior]:
         """Return the priors of location and width."""
@@ -61,14 +65,6 @@ class Bump(Located):
         z = (X[self.column] - theta["location"]) / theta["width"]
         return np.exp(-0.5 * z**2)[:, None]
 
-    def code(self) -> Code:
-        """Return the cause as Python."""
-        return Code(
-            "{amplitude} * np.exp(-0.5 * (({x} - {location}) / {width}) ** 2)",
-            {"amplitude": "{y}", "location": "{x}", "width": "{x}"},
-            {"x": self.column},
-        )
-
 
 register(
     Form(
@@ -77,19 +73,15 @@ register(
         over_inputs(Bump),
         meaning="around one place of {column} the data rise or dip, and the simulation does not",
         least_distinct=8,
-        like=("step", "periodic"),
         headline=(
             "The simulation misses a {amplitude:rise|dip} of {output} by "
             "{amplitude:size} around {column} = {location:place}"
         ),
-        priors="location: uniform; width: log-uniform, half a spacing (at most a twentieth of the "
-        "span) to a quarter of the span",
-        estimates="location, width, amplitude",
-        left_out="fewer than 8 distinct values",
     )
 )
 
 
+@dataclass(eq=False, repr=False)
 class Decay(FromOrigin):
     """A deviation at the beginning that dies away, such as an instrument that warms up.
 
@@ -120,16 +112,13 @@ class Decay(FromOrigin):
     kind = "decay"
     coefficients = ("amplitude",)
     unknowns = ("scale",)
+    expression = "{amplitude} * np.exp(-np.maximum({x} - {origin}, 0) / {scale})"
+    units: ClassVar[Mapping[str, str]] = {"amplitude": "{y}", "scale": "{x}"}
 
-    def __init__(
-        self,
-        column: str,
-        scale: Prior | None = None,
-        origin: float | None = None,
-        axis: Axis = UNKNOWN,
-    ):
-        super().__init__(column, origin, axis)
-        self.scale = scale
+    column: str
+    scale: Prior | None = None
+    origin: float | None = None
+    axis: Axis = UNKNOWN
 
     def prepare(self, context: Context) -> Cause:
         """Fill in origin and prior from the measured rows."""
@@ -142,15 +131,6 @@ class Decay(FromOrigin):
         """Return the share that remains."""
         return np.exp(-self.distance(X) / theta["scale"])[:, None]
 
-    def code(self) -> Code:
-        """Return the cause as Python."""
-        return Code(
-            "{amplitude} * np.exp(-np.maximum({x} - {origin}, 0) / {scale})",
-            {"amplitude": "{y}", "scale": "{x}"},
-            {"x": self.column},
-            {"origin": self.pivot},
-        )
-
 
 register(
     Form(
@@ -159,19 +139,15 @@ register(
         over_inputs(Decay),
         meaning="a gap at the start of {column} dies away",
         least_distinct=6,
-        like=("saturation", "bump"),
         headline=(
             "{output} starts {amplitude:size} {amplitude:above|below} the "
             "simulation, and the gap dies away over {scale}"
         ),
-        formula="eta + amplitude exp(-(x - origin) / scale); origin: smallest measured x",
-        priors="scale: log-uniform, 2 spacings to the span",
-        estimates="amplitude, scale",
-        left_out="fewer than 6 distinct values",
     )
 )
 
 
+@dataclass(eq=False, repr=False)
 class Episode(Located):
     """An added level between two unknown places: an instrument that read otherwise for some years.
 
@@ -215,15 +191,10 @@ class Episode(Located):
 
     kind = "episode"
 
-    def __init__(
-        self,
-        column: str,
-        location: Prior | None = None,
-        axis: Axis = UNKNOWN,
-        factor: bool = False,
-    ):
-        super().__init__(column, location, axis)
-        self.factor = factor
+    column: str
+    location: Prior | None = None
+    axis: Axis = UNKNOWN
+    factor: bool = False
 
     @property
     def variant(self) -> str:
@@ -299,54 +270,40 @@ class Episode(Located):
         return Code(f"{{amplitude}} * {within}", {"amplitude": "{y}", **places}, x)
 
 
-def _multiplied(context: Context) -> Iterator[Cause]:
-    return (Episode(name, factor=True) for name in context.inputs if not context.log_scale)
-
-
-def _lacking_multiplied(context: Context) -> Iterator[tuple[str | None, str]]:
-    if context.log_scale:
-        yield None, "the logarithm of the output is measured: episode is the same"
-
-
 register(
     Form(
         "episode",
         Episode,
         over_inputs(Episode),
-        meaning="between two places of {column} {output} has another level, and the simulation "
-        "has not",
+        meaning=(
+            "between two places of {column} {output} has another level, and the simulation has not"
+        ),
         least_distinct=8,
-        like=("step", "bump"),
         headline=(
             "From {column} = {location:place} to {end:place} {output} is {amplitude:size} "
             "{amplitude:above|below} the simulation"
         ),
-        formula="eta, + amplitude from location to end",
-        priors="location: uniform over the rows; length: log-uniform, a spacing (at most a "
-        "twentieth of the span) to the distance of the last row",
-        estimates="location, end, amplitude",
-        left_out="fewer than 8 distinct values",
-    )
-)
-register(
+    ),
     Form(
         "episode: factor",
         Episode,
-        _multiplied,
-        meaning="between two places of {column} {output} is a multiple of what is simulated, as "
-        "where another unit was written down",
+        lambda context: (
+            Episode(name, factor=True) for name in context.inputs if not context.log_scale
+        ),
+        meaning=(
+            "between two places of {column} {output} is a multiple of what is simulated, as "
+            "where another unit was written down"
+        ),
         least_distinct=8,
-        lacking=_lacking_multiplied,
+        lacking=needs(
+            lambda context: not context.log_scale,
+            "the logarithm of the output is measured: episode is the same",
+        ),
         headline=(
             "From {column} = {location:place} to {end:place} {output} is {factor} times what the "
             "simulation gives"
         ),
-        call="`Episode(x, factor=True)`",
-        formula="eta, factor eta from location to end",
-        priors="location and length: as for `episode`; log factor: Laplace, scale 1/3",
-        estimates="location, end, factor",
-        left_out="fewer than 8 distinct values; a logarithmic output, where episode is the same",
-    )
+    ),
 )
 
 
@@ -378,6 +335,8 @@ class Ramp(Located):
     kind = "ramp"
     coefficients = ("slope",)
     unknowns = ("location",)
+    expression = "{slope} * np.maximum({x} - {location}, 0)"
+    units: ClassVar[Mapping[str, str]] = {"location": "{x}", "slope": "{y} / {x}"}
 
     def grid(self) -> dict[str, FloatArray]:
         """Return locations; a hinge needs fewer than a step does."""
@@ -394,14 +353,6 @@ class Ramp(Located):
             "slope": coefficients["slope"] / self.axis.span,
         }
 
-    def code(self) -> Code:
-        """Return the cause as Python."""
-        return Code(
-            "{slope} * np.maximum({x} - {location}, 0)",
-            {"location": "{x}", "slope": "{y} / {x}"},
-            {"x": self.column},
-        )
-
 
 register(
     Form(
@@ -410,18 +361,15 @@ register(
         over_inputs(Ramp),
         meaning="from one place of {column} on the gap grows steadily",
         least_distinct=6,
-        like=("trend", "step"),
         headline=(
             "From {column} = {location:place} on {output} {slope:rises above|falls "
             "below} the simulation by {slope:size}"
         ),
-        priors="location: uniform over the rows",
-        estimates="location, slope",
-        left_out="fewer than 6 distinct values",
     )
 )
 
 
+@dataclass(eq=False, repr=False)
 class Saturation(FromOrigin):
     """A deviation that grows over a column and levels off, such as binding sites that fill up.
 
@@ -454,15 +402,10 @@ class Saturation(FromOrigin):
     coefficients = ("amplitude",)
     unknowns = ("half",)
 
-    def __init__(
-        self,
-        column: str,
-        half: Prior | None = None,
-        origin: float | None = None,
-        axis: Axis = UNKNOWN,
-    ):
-        super().__init__(column, origin, axis)
-        self.half = half
+    column: str
+    half: Prior | None = None
+    origin: float | None = None
+    axis: Axis = UNKNOWN
 
     def prepare(self, context: Context) -> Cause:
         """Fill in origin and prior from the measured rows."""
@@ -495,19 +438,15 @@ register(
         over_inputs(Saturation),
         meaning="a gap grows over {column} and levels off",
         least_distinct=6,
-        like=("trend", "decay"),
         headline=(
             "{output} {amplitude:rises above|falls below} the simulation over "
             "{column} and levels off"
         ),
-        formula="eta + amplitude (x - origin) / ((x - origin) + (half - origin))",
-        priors="half - origin: log-uniform, one spacing to the span",
-        estimates="amplitude, half (where half of it is reached)",
-        left_out="fewer than 6 distinct values",
     )
 )
 
 
+@dataclass(eq=False, repr=False)
 class Step(Located):
     """A sudden change of level at an unknown location over one column.
 
@@ -539,16 +478,12 @@ class Step(Located):
     kind = "step"
     coefficients = ("amplitude",)
     unknowns = ("location",)
+    units: ClassVar[Mapping[str, str]] = {"location": "{x}", "amplitude": "{y}"}
 
-    def __init__(
-        self,
-        column: str,
-        location: Prior | None = None,
-        before: bool = False,
-        axis: Axis = UNKNOWN,
-    ):
-        super().__init__(column, location, axis)
-        self.before = before
+    column: str
+    location: Prior | None = None
+    before: bool = False
+    axis: Axis = UNKNOWN
 
     @property
     def variant(self) -> str:
@@ -565,15 +500,12 @@ class Step(Located):
         after = (X[self.column] >= theta["location"]).astype(float)
         return (after - self.before)[:, None]
 
-    def code(self) -> Code:
-        """Return the cause as Python."""
-        return Code(
-            "-{amplitude} * ({x} < {location})"
-            if self.before
-            else "{amplitude} * ({x} >= {location})",
-            {"location": "{x}", "amplitude": "{y}"},
-            {"x": self.column},
-        )
+    @property
+    def expression(self) -> str:  # type: ignore[override]
+        """The level that is added from the location on, or missing before it."""
+        if self.before:
+            return "-{amplitude} * ({x} < {location})"
+        return "{amplitude} * ({x} >= {location})"
 
 
 register(
@@ -583,27 +515,15 @@ register(
         over_columns(Step),
         meaning="{output} changes level at one place of {column}, and the simulation does not",
         least_distinct=6,
-        like=("ramp", "parameter-drift"),
         headline=(
             "At {column} = {location:place} {output} {amplitude:rises|falls} by "
             "{amplitude:size}, and the simulation does not"
         ),
-        formula="eta, + amplitude from location on",
-        priors="location: uniform over the rows",
-        estimates="location, amplitude",
-        left_out="fewer than 6 distinct values",
-    )
-)
-register(
+    ),
     Form(
         "step: before",
         Step,
         over_columns(lambda column: Step(column, before=True)),
         least_distinct=6,
-        call="`Step(x, before=True)`",
-        formula="eta, - amplitude before location",
-        priors="the same",
-        estimates="location, amplitude",
-        left_out="the same",
-    )
+    ),
 )

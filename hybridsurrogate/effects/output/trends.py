@@ -3,18 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 from itertools import combinations
+from typing import ClassVar
 
 import numpy as np
 
 from hybridsurrogate.effects.base import Cause, Context, Declared, FloatArray, Rows
 from hybridsurrogate.effects.context import UNKNOWN, Axis
 from hybridsurrogate.effects.expressions import Code
-from hybridsurrogate.effects.inputs import trouble_with_levels
-from hybridsurrogate.effects.over_column import FromOrigin, OverColumn
-from hybridsurrogate.effects.registry import Form, over_inputs, register
+from hybridsurrogate.effects.inputs import at_levels
+from hybridsurrogate.effects.over_column import AtLevel, FromOrigin, OverColumn
+from hybridsurrogate.effects.registry import Form, needs, over_inputs, register
 
 
+@dataclass(eq=False, repr=False)
 class Interaction(Declared):
     """A product of two columns that the simulation lacks: one changes what the other does.
 
@@ -44,17 +47,10 @@ class Interaction(Declared):
     kind = "interaction"
     coefficients = ("slope",)
 
-    def __init__(
-        self,
-        first: str,
-        second: str,
-        centers: tuple[float, float] | None = None,
-        axes: tuple[Axis, Axis] = (UNKNOWN, UNKNOWN),
-    ):
-        self.first = first
-        self.second = second
-        self.centers = centers
-        self.axes = axes
+    first: str
+    second: str
+    centers: tuple[float, float] | None = None
+    axes: tuple[Axis, Axis] = (UNKNOWN, UNKNOWN)
 
     @property
     def variant(self) -> str:
@@ -115,49 +111,30 @@ class Interaction(Declared):
         )
 
 
-def _of_pairs(context: Context) -> Iterator[Cause]:
-    return (Interaction(*pair) for pair in combinations(context.inputs, 2))
-
-
 def _from_zero(context: Context) -> Iterator[Cause]:
     for pair in combinations(context.inputs, 2):
         if all(map(context.begins_at_zero, pair)):
             yield Interaction(*pair, centers=(0.0, 0.0))
 
 
-def _lacking(context: Context) -> list[tuple[None, str]]:
-    reason = "a product needs two inputs, the simulation has one"
-    return [] if len(context.inputs) > 1 else [(None, reason)]
-
-
 register(
     Form(
         "interaction",
         Interaction,
-        _of_pairs,
+        lambda context: (Interaction(*pair) for pair in combinations(context.inputs, 2)),
         meaning="the columns {target} act together, which the simulation ignores",
-        lacking=_lacking,
-        like=("gain",),
+        lacking=needs(
+            lambda context: len(context.inputs) > 1,
+            "a product needs two inputs, the simulation has one",
+        ),
         headline="The simulation misses that {target} act together on {output}",
-        formula="eta + slope (x1 - center1) (x2 - center2)",
-        estimates="slope",
-        left_out="the simulation has one input",
-    )
-)
-register(
-    Form(
-        "interaction: from zero",
-        Interaction,
-        _from_zero,
-        call="`Interaction(x1, x2, centers=(0, 0))`",
-        formula="eta + slope x1 x2: right where either is zero",
-        estimates="slope",
-        left_out="one of them does not begin within a quarter of its span from zero",
-    )
+    ),
+    Form("interaction: from zero", Interaction, _from_zero),
 )
 
 
-class Offset(Declared):
+@dataclass(eq=False, repr=False)
+class Offset(AtLevel):
     """A constant added to the simulation, such as a zero error of the instrument.
 
     - ``simulation + amplitude``, in the units of the output. On a logarithmic scale of the output a
@@ -187,37 +164,16 @@ class Offset(Declared):
     """
 
     kind = "offset"
-    about = "column"
     coefficients = ("amplitude",)
 
-    def __init__(
-        self, column: str | None = None, level: float | None = None, sd: float | None = None
-    ):
-        self.column = column
-        self.level = level
-        self.sd = sd
+    column: str | None = None
+    level: float | None = None
+    sd: float | None = None
 
     @property
     def coefficient_sd(self) -> float | None:  # type: ignore[override]
         """Standard deviation of the amplitude's prior."""
         return self.sd
-
-    @property
-    def variant(self) -> str:
-        """The one level; everywhere is the plain form."""
-        return "" if self.level is None else f"level {self.level:.12g}"
-
-    @property
-    def is_one_level(self) -> bool:  # type: ignore[override]
-        """Whether a level is meant."""
-        return self.level is not None
-
-    @property
-    def name(self) -> str:
-        """The kind, and the level where one is meant."""
-        return (
-            self.kind if self.level is None else f"{self.kind}({self.column} = {self.level:.12g})"
-        )
 
     def prepare(self, context: Context) -> Cause:
         """Look for the level among the measured rows, or choose the size of the prior."""
@@ -226,37 +182,22 @@ class Offset(Declared):
                 f"column={self.column!r}, level={self.level!r}: an offset at one level needs both, "
                 "one everywhere neither."
             )
-        if self.column is None:
+        if self.level is None:
             return self if self.sd is not None else self.filled(sd=context.sd_of_shift)
-        found = np.unique(context.column(self.column))
-        if self.level not in found:
-            raise ValueError(f"{self.column!r} is never {self.level!r}; it is {list(found)}.")
+        context.check_level(str(self.column), self.level)
         return self
 
     def columns(self, X: Rows, theta: Rows) -> FloatArray:
         """Return a column of ones, or one where the level is."""
-        if self.column is None:
+        if self.level is None:
             return np.ones((len(next(iter(X.values()))), 1))
-        return (np.asarray(X[self.column]) == self.level).astype(float)[:, None]
+        return self.here(X).astype(float)[:, None]
 
     def code(self) -> Code:
         """Return the cause as Python."""
-        if self.column is None or self.level is None:
+        if self.level is None:
             return Code("{amplitude}", {"amplitude": "{y}"})
-        return Code(
-            "{amplitude} * ({x} == {level})",
-            {"amplitude": "{y}"},
-            {"x": self.column},
-            levels={"level": (self.column, self.level)},
-        )
-
-
-def _at_levels(context: Context) -> Iterator[Cause]:
-    # sensors side by side, or the standards of a calibration
-    for column in context.inputs:
-        if trouble_with_levels(context, column) is None:
-            for level in np.unique(context.X[column]):
-                yield Offset(column, float(level))
+        return self.code_at_level("{amplitude} * ({x} == {level})", {"amplitude": "{y}"})
 
 
 def _trouble_on_log_scale(cause: Cause, context: Context) -> str | None:
@@ -272,32 +213,23 @@ register(
         lambda context: [Offset()],
         meaning="{output} is measured higher or lower than simulated by the same amount everywhere",
         trouble=_trouble_on_log_scale,
-        like=("trend", "gain"),
-        headline=("{output} is {amplitude:size} {amplitude:above|below} the simulation everywhere"),
-        priors="sd of the amplitude: as above, or a third of the mean distance of measured from "
-        "simulated outputs where that is more",
-        estimates="amplitude",
-        left_out="the output is logarithmic: it is a gain",
-    )
-)
-register(
+        headline="{output} is {amplitude:size} {amplitude:above|below} the simulation everywhere",
+    ),
     Form(
         "offset: level",
         Offset,
-        _at_levels,
+        # sensors side by side, or the standards of a calibration
+        lambda context: at_levels(Offset, context, context.inputs),
         meaning="{output} is off where {target} has one of its values",
         headline=(
             "{output} is {amplitude:size} {amplitude:above|below} the simulation "
             "at one value of {target}"
         ),
-        call="`Offset(x, level=2)`",
-        formula="eta, + amplitude where the input x is 2",
-        estimates="amplitude",
-        left_out="fewer than 2 or more than 6 values of x, or one with fewer than 3 rows",
-    )
+    ),
 )
 
 
+@dataclass(eq=False, repr=False)
 class Trend(OverColumn):
     """A straight line or a parabola over a column, with a level.
 
@@ -326,9 +258,9 @@ class Trend(OverColumn):
 
     kind = "trend"
 
-    def __init__(self, column: str, degree: int = 1, axis: Axis = UNKNOWN):
-        super().__init__(column, axis)
-        self.degree = degree
+    column: str
+    degree: int = 1
+    axis: Axis = UNKNOWN
 
     @property
     def variant(self) -> str:
@@ -399,11 +331,9 @@ class TrendSinceStart(FromOrigin):
 
     kind = "trend"
     coefficients = ("slope",)
-
-    @property
-    def variant(self) -> str:
-        """The name of this form, which has no level, unlike a trend."""
-        return "since the start"
+    variant = "since the start"
+    expression = "{slope} * np.maximum({x} - {origin}, 0)"
+    units: ClassVar[Mapping[str, str]] = {"slope": "{y} / {x}"}
 
     def columns(self, X: Rows, theta: Rows) -> FloatArray:
         """Return the distance from the start, in spans of the measured rows."""
@@ -413,15 +343,6 @@ class TrendSinceStart(FromOrigin):
         """Return the slope per unit of the column."""
         return {"slope": coefficients["slope"] / self.axis.span}
 
-    def code(self) -> Code:
-        """Return the cause as Python."""
-        return Code(
-            "{slope} * np.maximum({x} - {origin}, 0)",
-            {"slope": "{y} / {x}"},
-            {"x": self.column},
-            {"origin": self.pivot},
-        )
-
 
 register(
     Form(
@@ -430,38 +351,24 @@ register(
         over_inputs(Trend),
         meaning="the gap between measured and simulated {output} grows steadily over {column}",
         least_distinct=3,
-        like=("ramp", "saturation", "parameter-drift"),
         headline="{output} {slope:rises|falls} against the simulation by {slope:size}",
-        formula="eta + level + slope (x - center)",
-        estimates="slope, level",
-        left_out="x has fewer than 3 distinct values",
-    )
-)
-register(
+    ),
     Form(
         "trend: quadratic",
         Trend,
         over_inputs(lambda column: Trend(column, degree=2)),
         meaning="the gap between measured and simulated {output} is a parabola over {column}",
         least_distinct=4,
-        like=("ramp", "bump"),
         headline="The gap between {output} and the simulation is a parabola over {column}",
-        call="`Trend(x, degree=2)`",
-        formula="... + curvature (x - center)²",
-        estimates="slope, level, curvature",
-        left_out="fewer than 4 distinct values",
-    )
-)
-register(
+    ),
     Form(
         "trend: since the start",
         TrendSinceStart,
         over_inputs(TrendSinceStart),
-        meaning="the gap between measured and simulated {output} is nothing at the first {column} "
-        "and grows steadily from there",
+        meaning=(
+            "the gap between measured and simulated {output} is nothing at the first {column} "
+            "and grows steadily from there"
+        ),
         least_distinct=3,
-        formula="eta + slope (x - first)",
-        estimates="slope",
-        left_out="x has fewer than 3 distinct values",
-    )
+    ),
 )

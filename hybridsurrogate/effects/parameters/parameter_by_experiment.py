@@ -3,27 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import stats
 
-from hybridsurrogate.effects.base import Cause, Context, Declared, FloatArray, Rows
-from hybridsurrogate.effects.context import position_among
+from hybridsurrogate.effects.base import Cause, Context, FloatArray, Rows
 from hybridsurrogate.effects.expressions import Code, LevelTable
-from hybridsurrogate.effects.registry import Form, register
-from hybridsurrogate.exceptions import did_you_mean
+from hybridsurrogate.effects.over_column import OverExperiments
+from hybridsurrogate.effects.registry import WITHOUT_LABELS, Form, register
 from hybridsurrogate.priors import frozen, prior_sd
 from hybridsurrogate.types import Prior
 
-# an experiment that was not measured
-_ANOTHER = "another"
-# a search follows the experiments from a spread of so many prior standard deviations of the
-# parameter: its sizes are those of every cause, and reach up to there
-_WIDEST = 2.0
 
-
-class ParameterByExperiment(Declared):
+@dataclass(eq=False, repr=False)
+class ParameterByExperiment(OverExperiments):
     """A parameter that differs between experiments: batches, subjects, sensors, sites.
 
     - ``how="spread"``: experiment e has ``parameter + spread u_e`` with u_e standard normal. The
@@ -70,28 +64,13 @@ class ParameterByExperiment(Declared):
     # one population, one size
     is_process = True
 
-    def __init__(
-        self,
-        parameter: str,
-        column: str,
-        how: str = "spread",
-        spread: Prior | float | None = None,
-        prior: Prior | None = None,
-        levels: tuple[float, ...] = (),
-        labels: tuple[str, ...] | None = None,
-    ):
-        self.parameter = parameter
-        self.column = column
-        self.how = how
-        self.spread = spread
-        self.prior: Prior = prior
-        self.levels = levels
-        self.labels = labels
-
-    @property
-    def reads(self) -> tuple[str, ...]:
-        """The column of the experiments."""
-        return (self.column,)
+    parameter: str
+    column: str
+    how: str = "spread"
+    spread: Prior | float | None = None
+    prior: Prior = None
+    levels: tuple[float, ...] = ()
+    labels: tuple[str, ...] | None = None
 
     @property
     def variant(self) -> str:
@@ -105,32 +84,20 @@ class ParameterByExperiment(Declared):
 
     def prepare(self, context: Context) -> Cause:
         """Fill in the experiments, and the priors."""
-        if self.parameter not in context.parameters:
-            raise ValueError(
-                f"{self.parameter!r} is not a parameter of the simulation; these are: "
-                f"{list(context.parameters)}.{did_you_mean(self.parameter, context.parameters)}"
-            )
+        given = context.parameter(self.parameter)
         if self.how not in ("spread", "own"):
             raise ValueError(f"how must be 'spread' or 'own', got {self.how!r}.")
-        prior = self.prior or context.parameters[self.parameter]
+        prior = self.prior or given
         spread = self.spread
         if spread is None:
             spread = frozen(stats.halfcauchy, scale=prior_sd(prior))
-        found = context.axis(self.column).rows.tolist()
-        levels = self.levels or tuple(map(float, range(len(self.labels or ())))) or tuple(found)
-        return self.filled(prior=prior, spread=spread, levels=levels)
-
-    @property
-    def _names(self) -> list[str]:
-        """Names of the experiments' separate numbers."""
-        labels = self.labels or tuple(f"{level:.12g}" for level in self.levels)
-        return [f"{self.column} = {label}" for label in labels]
+        return self.filled(prior=prior, spread=spread, levels=self.levels_in(context))
 
     def priors_by_name(self) -> Mapping[str, Prior]:
         """Return the priors of the spread, and of the experiments."""
         if self.how == "own":
-            return dict.fromkeys(self._names, self.prior)
-        unit = dict.fromkeys([*self._names, f"{_ANOTHER} {self.column}"], frozen(stats.norm))
+            return dict.fromkeys(self.names_of_levels, self.prior)
+        unit = dict.fromkeys([*self.names_of_levels, self.another], frozen(stats.norm))
         if isinstance(self.spread, float | int):
             return unit
         return {"spread": self.spread, **unit}
@@ -139,34 +106,28 @@ class ParameterByExperiment(Declared):
     def hierarchy(self) -> tuple[str, str, tuple[str, ...]] | None:  # type: ignore[override]
         """Mean, spread and deviations, where the spread is not known."""
         own = "spread" in self.parameters
-        return (self.parameter, "spread", tuple(self._names)) if own else None
+        return (self.parameter, "spread", tuple(self.names_of_levels)) if own else None
 
     def inputs(self, X: Rows, omega: Rows, theta: Rows) -> tuple[Rows, Rows]:
         """Give each row the parameter of its experiment."""
-        mean, which = omega[self.parameter], position_among(self.levels, X[self.column])
-        rest = mean if self.how == "own" else theta[f"{_ANOTHER} {self.column}"]
-        each = np.stack([*(theta[name] for name in self._names), rest])
-        own = each[which, np.arange(len(which))]
+        mean = omega[self.parameter]
+        rest = mean if self.how == "own" else theta[self.another]
+        own = self.each_row(X, [*(theta[name] for name in self.names_of_levels), rest])
         if self.how == "spread":
-            spread = theta.get("spread", self.spread)
+            spread = np.asarray(theta.get("spread", self.spread))
             own = np.clip(mean + spread * own, *self.prior.support())
         return X, {**omega, self.parameter: own}
 
-    def rows_of(self, X: Rows) -> dict[str, NDArray[np.bool_]]:
-        """Return the rows of each experiment, and those of other experiments."""
-        names = [*self._names, f"{_ANOTHER} {self.column}"]
-        which = position_among(self.levels, X[self.column])
-        return {name: which == k for k, name in enumerate(names) if name in self.parameters}
-
     def start(self) -> dict[str, float]:
         """Return experiments that are all the same."""
-        return dict.fromkeys(self._names, 0.0) if "spread" in self.parameters else {}
+        return dict.fromkeys(self.names_of_levels, 0.0) if "spread" in self.parameters else {}
 
     def grid(self) -> dict[str, FloatArray]:
         """Return one wide spread, from which the experiments are followed."""
         if "spread" not in self.parameters:
             return {}
-        return {"spread": np.array([[0.0, 2 * _WIDEST * prior_sd(self.prior)]])}
+        # a search's sizes are those of every cause, and reach up to two prior standard deviations
+        return {"spread": np.array([[0.0, 2 * 2 * prior_sd(self.prior)]])}
 
     def estimates(self, theta: Rows, coefficients: Rows) -> dict[str, FloatArray]:
         """Return the spread, and how far each experiment is from their mean.
@@ -174,14 +135,15 @@ class ParameterByExperiment(Declared):
         Where each has a separate value, these values.
         """
         if self.how == "own":
-            return {name: np.asarray(theta[name]) for name in self._names}
-        first = np.asarray(theta[self._names[0]])
+            return {name: np.asarray(theta[name]) for name in self.names_of_levels}
+        first = np.asarray(theta[self.names_of_levels[0]])
         spread = np.broadcast_to(np.asarray(theta.get("spread", self.spread)), first.shape)
-        return {"spread": spread, **{name: spread * theta[name] for name in self._names}}
+        return {"spread": spread, **{name: spread * theta[name] for name in self.names_of_levels}}
 
     def code(self) -> Code:
         """Return the cause as Python."""
-        table = LevelTable(self.column, tuple(zip(self.levels, self._names, strict=True)), "{of}")
+        levels = tuple(zip(self.levels, self.names_of_levels, strict=True))
+        table = LevelTable(self.column, levels, "{of}")
         at = {"x": self.column}
         if self.how == "own":
             own = "by_level({x}, {table}, {of})"
@@ -213,14 +175,6 @@ def _between_experiments(context: Context) -> Iterator[Cause]:
                 yield ParameterByExperiment(parameter, column, labels=labels)
 
 
-def _lacking(context: Context) -> Iterator[tuple[str | None, str]]:
-    if not context.labels:
-        yield (
-            None,
-            "no column labels experiments; experiment=... declares one",
-        )
-
-
 register(
     Form(
         "parameter-by-experiment",
@@ -229,13 +183,7 @@ register(
         meaning="the parameter {target} differs between the experiments of {column}",
         least_rows=6,
         least_distinct=2,
-        lacking=_lacking,
-        like=("missing-input",),
+        lacking=WITHOUT_LABELS,
         headline="{target} differs between experiments, and the simulation has one value",
-        call="`ParameterByExperiment(p, e)`",
-        formula="eta(p + spread u_e)",
-        priors="spread: half-Cauchy, prior sd of p; u_e: standard normal",
-        estimates="spread, and how far each experiment is from the mean",
-        left_out="no column of labels (declared, or 1, 2, 3 ...)",
     )
 )

@@ -3,17 +3,25 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
 from scipy import special, stats
 
-from hybridsurrogate.effects.base import Cause, Context, Declared, FloatArray, Rows, quantiles
+from hybridsurrogate.arguments import check_choice
+from hybridsurrogate.effects.base import (
+    Cause,
+    Context,
+    Declared,
+    FloatArray,
+    Rows,
+    of_wave,
+    quantiles,
+)
 from hybridsurrogate.effects.context import LONGEST_PERIOD, MOST_GAPS, UNKNOWN, Axis, period_nodes
 from hybridsurrogate.effects.expressions import Code
 from hybridsurrogate.effects.registry import Form, register
-from hybridsurrogate.exceptions import did_you_mean
 from hybridsurrogate.priors import frozen, prior_sd
 from hybridsurrogate.types import Prior
 
@@ -92,6 +100,7 @@ _SHAPES = {
 }
 
 
+@dataclass(eq=False, repr=False)
 class ParameterDrift(Declared):
     """A parameter that changes over a column instead of staying constant.
 
@@ -147,23 +156,13 @@ class ParameterDrift(Declared):
     kind = "parameter-drift"
     about = "parameter"
 
-    def __init__(
-        self,
-        parameter: str,
-        column: str,
-        shape: str = "linear",
-        slope: Prior | None = None,
-        center: float | None = None,
-        others: Mapping[str, Prior] | None = None,
-        axis: Axis = UNKNOWN,
-    ):
-        self.parameter = parameter
-        self.column = column
-        self.shape = shape
-        self.slope = slope
-        self.center = center
-        self.others = others
-        self.axis = axis
+    parameter: str
+    column: str
+    shape: str = "linear"
+    slope: Prior | None = None
+    center: float | None = None
+    others: Mapping[str, Prior] | None = None
+    axis: Axis = UNKNOWN
 
     @property
     def reads(self) -> tuple[str, ...]:
@@ -187,17 +186,8 @@ class ParameterDrift(Declared):
 
     def prepare(self, context: Context) -> Cause:
         """Fill in the pivot and the priors."""
-        if self.parameter not in context.parameters:
-            raise ValueError(
-                f"{self.parameter!r} is not a parameter of the simulation; these are: "
-                f"{list(context.parameters)}.{did_you_mean(self.parameter, context.parameters)}"
-            )
-        if self.shape not in _SHAPES:
-            raise ValueError(
-                f"shape must be one of {list(_SHAPES)}, got {self.shape!r}."
-                f"{did_you_mean(self.shape, _SHAPES)}"
-            )
-        prior = context.parameters[self.parameter]
+        prior = context.parameter(self.parameter)
+        check_choice(self.shape, "shape", list(_SHAPES))
         if _SHAPES[self.shape].multiplies and prior.support()[0] < 0 < prior.support()[1]:
             raise ValueError(
                 f"shape={self.shape!r} multiplies {self.parameter!r}, whose prior has values of "
@@ -258,10 +248,7 @@ class ParameterDrift(Declared):
 
     def estimates(self, theta: Rows, coefficients: Rows) -> dict[str, FloatArray]:
         """Return size and place; of a periodic drift amplitude and period."""
-        if self.shape == "periodic":
-            amplitude = np.hypot(theta["sine"], theta["cosine"])
-            return {"period": np.asarray(theta["period"]), "amplitude": amplitude}
-        return {name: np.asarray(draws) for name, draws in theta.items()}
+        return of_wave(theta)
 
     def shown(self) -> Code:
         """Return the expression, of a wave with its amplitude and an unknown phase."""
@@ -338,27 +325,14 @@ register(
         meaning="the parameter {target} changes over {column} instead of staying constant",
         least_distinct=3,
         lacking=_lacking,
-        like=("trend", "gain"),
         headline="{target} changes over {column}, and the simulation keeps it constant",
-        formula="eta(p + slope (x - center))",
-        priors="slope: Cauchy, one prior sd of p over the span",
-        estimates="slope",
-        left_out="no parameters; fewer than 3 distinct values of an input, 2 of another column; "
-        "over time, p sets an ODE's initial state only",
-    )
-)
-register(
+    ),
     Form(
         "parameter-drift: exponential",
         ParameterDrift,
         _exponentials,
         least_distinct=3,
-        call='`..., shape="exponential"`',
-        formula="eta(p exp(rate (x - center)))",
-        priors="rate: Cauchy, one prior sd of p, in shares of its median, over the span",
-        estimates="rate",
-        left_out="as `linear`; p may be negative; fewer than 3 distinct values",
-    )
+    ),
 )
 register(
     Form(
@@ -370,27 +344,8 @@ register(
             "{target} {change:rises|falls} by {change:size} at {column} = "
             "{location}, and the simulation keeps it constant"
         ),
-        call='`..., shape="step"`',
-        formula="eta(p, + change from location on)",
-        priors="change: Cauchy, prior sd of p; location: uniform",
-        estimates="change, location",
-        left_out="fewer than 6 distinct values",
-    )
-)
-register(
-    Form(
-        "parameter-drift: logistic",
-        ParameterDrift,
-        _over_inputs("logistic"),
-        least_distinct=8,
-        call='`..., shape="logistic"`',
-        formula="eta(p + change / (1 + exp(-(x - location) / width)))",
-        priors="the same; width as for `bump`",
-        estimates="change, location, width",
-        left_out="fewer than 8 distinct values",
-    )
-)
-register(
+    ),
+    Form("parameter-drift: logistic", ParameterDrift, _over_inputs("logistic"), least_distinct=8),
     Form(
         "parameter-drift: periodic",
         ParameterDrift,
@@ -400,23 +355,6 @@ register(
             "{target} goes up and down with a period of {period}, and the "
             "simulation keeps it constant"
         ),
-        call='`..., shape="periodic"`',
-        formula="eta(p + amplitude sin(2π (x - center) / period + phase))",
-        priors="sine, cosine: Cauchy, prior sd of p; period: log-uniform, 4 spacings (at least a "
-        "25th of the span) to 2 spans",
-        estimates="period, amplitude",
-        left_out="fewer than 8 distinct values",
-    )
-)
-register(
-    Form(
-        "parameter-drift: over extras",
-        ParameterDrift,
-        _over_extras,
-        call="over another measured column",
-        formula="eta(p + slope (x - center))",
-        priors="slope: Cauchy, one prior sd of p over the span",
-        estimates="slope",
-        left_out="fewer than 2 distinct values",
-    )
+    ),
+    Form("parameter-drift: over extras", ParameterDrift, _over_extras),
 )

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 
 import numpy as np
 from scipy import stats
 
 from hybridsurrogate.effects.base import Cause, Context, Declared, FloatArray, Rows
 from hybridsurrogate.effects.expressions import Code
+from hybridsurrogate.effects.output.processes import PLACES_OF_CURVE, scaled
 from hybridsurrogate.effects.registry import Form, register
 from hybridsurrogate.exceptions import did_you_mean
 from hybridsurrogate.numerics import hilbert
@@ -21,12 +23,9 @@ from hybridsurrogate.types import Prior
 _N_WAVES, _SHORTEST, _LONGEST = 10, 0.27, 2.0
 # the usual change of a parameter that keeps its sign, as a factor: halving and doubling
 _USUAL = 0.7
-# degrees of freedom of the waves' priors
-_TAILS = 3
-# places of the table of a curve
-_PLACES = 121
 
 
+@dataclass(eq=False, repr=False)
 class ParameterProcess(Declared):
     """A parameter that wanders over an input, as smoothly as a Gaussian process.
 
@@ -76,21 +75,12 @@ class ParameterProcess(Declared):
     about = "parameter"
     is_process = True
 
-    def __init__(
-        self,
-        parameter: str,
-        over: str | None = None,
-        scale: float | None = None,
-        ends: tuple[float, float] | None = None,
-        inside: bool = False,
-        factor: bool = True,
-    ):
-        self.parameter = parameter
-        self.over = over
-        self.scale = scale
-        self.ends = ends
-        self.inside = inside
-        self.factor = factor
+    parameter: str
+    over: str | None = None
+    scale: float | None = None
+    ends: tuple[float, float] | None = None
+    inside: bool = False
+    factor: bool = True
 
     @property
     def reads(self) -> tuple[str, ...]:
@@ -111,23 +101,19 @@ class ParameterProcess(Declared):
         """Return the priors of the waves, which decay as those of a smooth process."""
         scale = _USUAL if self.scale is None else self.scale
         sizes = (scale * spectrum(_N_WAVES)).tolist()
-        priors = [frozen(stats.t, _TAILS, scale=size) for size in sizes]
+        priors = [frozen(stats.t, 3, scale=size) for size in sizes]
         return dict(zip(wave_names(_N_WAVES), priors, strict=True))
 
     def prepare(self, context: Context) -> Cause:
         """Fill in the input, its range and the priors."""
-        if self.parameter not in context.parameters:
-            raise ValueError(
-                f"{self.parameter!r} is not a parameter of the simulation; these are: "
-                f"{list(context.parameters)}.{did_you_mean(self.parameter, context.parameters)}"
-            )
+        prior = context.parameter(self.parameter)
         over = self.over or context.inputs[0]
         if over not in context.inputs:
             raise ValueError(
                 f"{over!r} is not an input of the simulation; these are: {list(context.inputs)}."
                 f"{did_you_mean(over, context.inputs)}"
             )
-        axis, prior = context.axis(over), context.parameters[self.parameter]
+        axis = context.axis(over)
         inside = self.parameter in context.rates and over == context.inputs[0]
         low, high = prior.support()
         factor = bool(inside or low >= 0 or high <= 0)
@@ -143,16 +129,21 @@ class ParameterProcess(Declared):
     @property
     def modification(self) -> WanderingParameter | None:
         """The change of the right-hand side, where it is one."""
-        low, high = self.ends or (0.0, 1.0)
+        low, high = self._ends
         return WanderingParameter(self.parameter, low, high, _N_WAVES) if self.inside else None
+
+    @property
+    def _ends(self) -> tuple[float, float]:
+        return self.ends or (0.0, 1.0)
 
     def inputs(self, X: Rows, omega: Rows, theta: Rows) -> tuple[Rows, Rows]:
         """Move the parameter, row by row, or inside the dynamics."""
         change = self.modification
         if change is not None:
             return X, {**omega, **{change.full(name): theta[name] for name in change.neutral}}
-        moved = self._moved(omega[self.parameter], self._change(X[self.over or ""], theta))
-        return X, {**omega, self.parameter: moved}
+        waves = hilbert.waves(scaled(X[self.over or ""], *self._ends), _N_WAVES)
+        change = np.einsum("nk,nk->n", waves, coefficients(theta, _N_WAVES))
+        return X, {**omega, self.parameter: self._moved(omega[self.parameter], change)}
 
     def course(self, x: FloatArray, parameter: FloatArray, theta: Rows) -> FloatArray:
         """Return the parameter over the input.
@@ -169,19 +160,10 @@ class ParameterProcess(Declared):
         -------
         ndarray of shape (J, m)
         """
-        change = self._curves(x, theta)
-        return self._moved(np.asarray(parameter)[:, None], change)
+        return self._moved(np.asarray(parameter)[:, None], self._curves(x, theta))
 
     def _curves(self, x: FloatArray, theta: Rows) -> FloatArray:
-        return coefficients(theta, _N_WAVES) @ hilbert.waves(self._scaled(x), _N_WAVES).T
-
-    def _scaled(self, x: FloatArray) -> FloatArray:
-        low, high = self.ends or (0.0, 1.0)
-        return (2 * np.asarray(x) - low - high) / ((high - low) or 1.0)
-
-    def _change(self, x: FloatArray, theta: Rows) -> FloatArray:
-        waves = hilbert.waves(self._scaled(x), _N_WAVES)
-        return np.asarray(np.einsum("nk,nk->n", waves, coefficients(theta, _N_WAVES)))
+        return coefficients(theta, _N_WAVES) @ hilbert.waves(scaled(x, *self._ends), _N_WAVES).T
 
     def _moved(self, parameter: FloatArray, change: FloatArray) -> FloatArray:
         return np.asarray(parameter * np.exp(change) if self.factor else parameter + change)
@@ -192,19 +174,18 @@ class ParameterProcess(Declared):
 
     def estimates(self, theta: Rows, coefficients: Rows) -> dict[str, FloatArray]:
         """Return the standard deviation of the curve over the measured range."""
-        curves = self._curves(np.linspace(*(self.ends or (0.0, 1.0)), _PLACES), theta)
+        curves = self._curves(np.linspace(*self._ends, PLACES_OF_CURVE), theta)
         return {"amplitude": np.std(curves, axis=1)}
 
     def code(self) -> Code:
         """Return the cause as Python: its mean curve as a table."""
-        low, high = self.ends or (0.0, 1.0)
         change = "np.interp({x}, {grid0}, {table0})"
         moved = f"np.exp({change})" if self.factor else change
         own = f"{{of}} * {moved}" if self.factor else f"{{of}} + {moved}"
         return Code(
             moved.replace("{x}", "{t}") if self.inside else own,
             columns={} if self.inside else {"x": self.over or ""},
-            grids={"grid0": (low, high, _PLACES)},
+            grids={"grid0": (*self._ends, PLACES_OF_CURVE)},
             tables=self._tables,
             does="scales rate" if self.inside else "moves",
             of=self.parameter,
@@ -212,16 +193,13 @@ class ParameterProcess(Declared):
 
     def _tables(self, theta: Rows, of_columns: Rows) -> dict[str, FloatArray]:
         """Return the mean change over the input."""
-        grid = np.linspace(*(self.ends or (0.0, 1.0)), _PLACES)
+        grid = np.linspace(*self._ends, PLACES_OF_CURVE)
         return {"table0": np.mean(self._curves(grid, theta), axis=0)}
 
     def formula(self, values: Mapping[str, float]) -> str:
         """Return the extended simulation in words."""
-        by = (
-            f"a factor of exp(+-{values['amplitude']:.3g})"
-            if self.factor
-            else (f"+-{values['amplitude']:.3g}")
-        )
+        by = f"+-{values['amplitude']:.3g}"
+        by = f"a factor of exp({by})" if self.factor else by
         return f"simulation with {self.parameter} wandering over {self.over} by {by}"
 
 
@@ -237,11 +215,5 @@ register(
         ParameterProcess,
         least_distinct=8,
         headline="{target} wanders, and the simulation keeps it constant",
-        call="`ParameterProcess(p, over=x)`",
-        formula="eta(p exp(c(x))), or eta(p + c(x)), c a sum of waves",
-        priors="waves: Student-t, 3 degrees of freedom, scales of a smooth process of sd 0.7 or "
-        "prior sd of p",
-        estimates="amplitude: standard deviation of c over the measured range",
-        left_out="not compared unless passed",
     )
 )

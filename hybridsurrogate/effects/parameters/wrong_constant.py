@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 
 from scipy import stats
 
 from hybridsurrogate.effects.base import Cause, Context, Declared, Rows
 from hybridsurrogate.effects.expressions import Code
-from hybridsurrogate.effects.registry import Form, register
+from hybridsurrogate.effects.registry import Form, needs, register
 from hybridsurrogate.exceptions import did_you_mean
 from hybridsurrogate.priors import frozen
 from hybridsurrogate.types import Prior
@@ -20,7 +21,33 @@ _FACTOR, _WIDTHS = 10.0, 5.0
 _TAIL = 0.001
 
 
-class NarrowPrior(Declared):
+class _OtherValue(Declared):
+    """A constant or a parameter of the simulation with another value."""
+
+    prior: Prior
+    note: str
+
+    @property
+    def replaces(self) -> str | None:
+        """The constant or the parameter itself."""
+        return self.target
+
+    def priors_by_name(self) -> Mapping[str, Prior]:
+        """Return the prior of the value."""
+        return {"value": self.prior}
+
+    def inputs(self, X: Rows, omega: Rows, theta: Rows) -> tuple[Rows, Rows]:
+        """Run the simulation with another value."""
+        return X, {**omega, str(self.target): theta["value"]}
+
+    def code(self) -> Code:
+        """Return the cause as Python."""
+        of, note = str(self.target), self.note
+        return Code("{value}", {"value": "{of}"}, does="replaces", of=of, note=note)
+
+
+@dataclass(eq=False, repr=False)
+class NarrowPrior(_OtherValue):
     """A parameter with a value outside its prior; the simulation is right.
 
     ``simulation(x, parameter = value)``, in the units of the parameter. It is compared where the
@@ -49,58 +76,26 @@ class NarrowPrior(Declared):
 
     kind = "narrow-prior"
     about = "parameter"
+    concerns = "prior"
+    note = "outside its prior"
 
-    def __init__(self, parameter: str, prior: Prior | None = None, nearest: float | None = None):
-        self.parameter = parameter
-        self.prior = prior
-        self.nearest = nearest
-
-    @property
-    def concerns(self) -> str:
-        """The prior, not the simulation."""
-        return "prior"
-
-    @property
-    def replaces(self) -> str | None:
-        """The parameter itself."""
-        return self.parameter
-
-    def priors_by_name(self) -> Mapping[str, Prior]:
-        """Return the wide prior of the parameter's value."""
-        return {"value": self.prior}
+    parameter: str
+    prior: Prior | None = None
+    nearest: float | None = None
 
     def prepare(self, context: Context) -> Cause:
         """Widen the prior of the simulation."""
-        if self.parameter not in context.parameters:
-            raise ValueError(
-                f"{self.parameter!r} is not a parameter of the simulation; these are: "
-                f"{list(context.parameters)}."
-            )
-        given = context.parameters[self.parameter]
+        given = context.parameter(self.parameter)
         nearest = context.at_prior_end.get(self.parameter, float(given.ppf(0.5)))
         return self.filled(
             prior=_widened(given) if self.prior is None else self.prior,
             nearest=nearest if self.nearest is None else self.nearest,
         )
 
-    def inputs(self, X: Rows, omega: Rows, theta: Rows) -> tuple[Rows, Rows]:
-        """Run the simulation with a value of the wide prior."""
-        return X, {**omega, self.parameter: theta["value"]}
-
     def start(self) -> dict[str, float]:
         """Return the value that fits best within the given prior."""
         assert self.nearest is not None
         return {"value": self.nearest}
-
-    def code(self) -> Code:
-        """Return the cause as Python."""
-        return Code(
-            "{value}",
-            {"value": "{of}"},
-            does="replaces",
-            of=self.parameter,
-            note="outside its prior",
-        )
 
 
 def _widened(prior: Prior) -> Prior:
@@ -111,31 +106,26 @@ def _widened(prior: Prior) -> Prior:
     return frozen(stats.uniform, loc=low - _WIDTHS * width, scale=(1 + 2 * _WIDTHS) * width)
 
 
-def _at_no_end(context: Context) -> list[tuple[None, str]]:
-    reason = "the data push no parameter against an end of its prior, or it cannot be run beyond"
-    return [] if context.at_prior_end else [(None, reason)]
-
-
 register(
     Form(
         "narrow-prior",
         NarrowPrior,
         lambda context: map(NarrowPrior, context.at_prior_end),
-        meaning="the simulation may be right: the prior of {target} excludes the value that the "
-        "data ask for",
-        lacking=_at_no_end,
-        like=("wrong-constant", "parameter-drift"),
+        meaning=(
+            "the simulation may be right: the prior of {target} excludes the value that the "
+            "data ask for"
+        ),
+        lacking=needs(
+            lambda context: context.at_prior_end,
+            "the data push no parameter against an end of its prior, or it cannot be run beyond",
+        ),
         headline="The prior of {target} excludes the value that the data ask for",
-        formula="eta(p = value), value outside the prior of p",
-        priors="value: log-uniform from a tenth of the prior's lower end to ten times its upper "
-        "one; uniform to five widths beyond where p is not positive",
-        estimates="value",
-        left_out="no parameter is at an end of its prior, or the simulation cannot be run",
     )
 )
 
 
-class WrongConstant(Declared):
+@dataclass(eq=False, repr=False)
+class WrongConstant(_OtherValue):
     """An assumed constant of the simulation that has another value.
 
     ``simulation(x, constant = value)``, in the units of the constant; the prior is the one that the
@@ -162,19 +152,9 @@ class WrongConstant(Declared):
     kind = "wrong-constant"
     about = "constant"
 
-    def __init__(self, constant: str, prior: Prior | None = None, assumed: float | None = None):
-        self.constant = constant
-        self.prior = prior
-        self.assumed = assumed
-
-    @property
-    def replaces(self) -> str | None:
-        """The constant itself."""
-        return self.constant
-
-    def priors_by_name(self) -> Mapping[str, Prior]:
-        """Return the prior of the constant's value."""
-        return {"value": self.prior}
+    constant: str
+    prior: Prior | None = None
+    assumed: float | None = None
 
     def prepare(self, context: Context) -> Cause:
         """Take the prior and the assumed value from the simulation."""
@@ -187,24 +167,16 @@ class WrongConstant(Declared):
         prior = constant.prior if self.prior is None else self.prior
         return self.filled(prior=prior, assumed=constant.value)
 
-    def inputs(self, X: Rows, omega: Rows, theta: Rows) -> tuple[Rows, Rows]:
-        """Run the simulation with another value of the constant."""
-        return X, {**omega, self.constant: theta["value"]}
+    @property
+    def note(self) -> str:  # type: ignore[override]
+        """Its assumed value."""
+        assert self.assumed is not None
+        return f"was {self.assumed:.4g}"
 
     def start(self) -> dict[str, float]:
         """Return the assumed value."""
         assert self.assumed is not None
         return {"value": self.assumed}
-
-    def code(self) -> Code:
-        """Return the cause as Python."""
-        assert self.assumed is not None
-        was = f"was {self.assumed:.4g}"
-        return Code("{value}", {"value": "{of}"}, does="replaces", of=self.constant, note=was)
-
-
-def _no_assumed(context: Context) -> list[tuple[None, str]]:
-    return [] if context.assumed else [(None, "the simulation has no assumed constants")]
 
 
 register(
@@ -213,12 +185,7 @@ register(
         WrongConstant,
         lambda context: map(WrongConstant, context.assumed),
         meaning="the assumed constant {target} has another value",
-        lacking=_no_assumed,
-        like=("gain", "parameter-drift"),
+        lacking=needs(lambda context: context.assumed, "the simulation has no assumed constants"),
         headline="The assumed constant {target} is wrong: the data ask for {value}",
-        formula="eta(c = value)",
-        priors="value: the prior given with `Assumed`",
-        estimates="value",
-        left_out="the simulation assumes no constants",
     )
 )

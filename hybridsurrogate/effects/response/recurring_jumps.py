@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 from math import comb, log
 
 import numpy as np
@@ -25,6 +26,7 @@ _LEAST, _MOST, _ROWS_OF_ONE = 2, 20, 6
 _PLACES, _SCALES, _SWEEPS, _PATIENCE = 600, 8, 2, 3
 
 
+@dataclass(eq=False, repr=False)
 class RecurringJumps(OverColumn):
     """Jumps at several places of a column, each of which decays over the same length.
 
@@ -63,18 +65,11 @@ class RecurringJumps(OverColumn):
     kind = "recurring-jumps"
     unknowns = ("scale",)
 
-    def __init__(
-        self,
-        column: str,
-        places: tuple[float, ...] = (),
-        scale: Prior | None = None,
-        n_tried: int = 0,
-        axis: Axis = UNKNOWN,
-    ):
-        super().__init__(column, axis)
-        self.places = places
-        self.scale = scale
-        self.n_tried = n_tried
+    column: str
+    places: tuple[float, ...] = ()
+    scale: Prior | None = None
+    n_tried: int = 0
+    axis: Axis = UNKNOWN
 
     @property
     def coefficients(self) -> tuple[str, ...]:  # type: ignore[override]
@@ -220,12 +215,6 @@ register(
         least_rows=12,
         least_distinct=12,
         trouble=_trouble,
-        like=("noise", "unexplained"),
         headline="{output} jumps again and again over {column}, and each jump decays over {scale}",
-        formula="eta + sum of jump_k exp(-(x - place_k) / scale), each from its place on",
-        priors="scale: log-uniform, a spacing to half the span; number: 2 to 20; places: every set "
-        "of rows equally probable",
-        estimates="scale, jumps; the formula has their places",
-        left_out="not compared unless passed; fewer than 12 rows",
     )
 )

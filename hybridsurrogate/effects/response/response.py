@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 from scipy import stats
@@ -11,13 +13,14 @@ from hybridsurrogate.effects.base import Cause, Context, Declared, FloatArray, R
 from hybridsurrogate.effects.context import UNKNOWN, UNMEASURED, Axis, OutputScale
 from hybridsurrogate.effects.expressions import Code
 from hybridsurrogate.effects.over_column import Located
-from hybridsurrogate.effects.registry import Form, register
+from hybridsurrogate.effects.registry import Form, needs, register
 from hybridsurrogate.priors import frozen
 from hybridsurrogate.types import Prior
 
 _LAPLACE_SCALE = 1 / 3
 
 
+@dataclass(eq=False, repr=False)
 class Gain(Declared):
     """A factor on the simulation, such as a sensor that reads too high.
 
@@ -46,9 +49,8 @@ class Gain(Declared):
 
     kind = "gain"
 
-    def __init__(self, log_scale: bool = False, scale: float | None = None):
-        self.log_scale = log_scale
-        self.scale = scale
+    log_scale: bool = False
+    scale: float | None = None
 
     def priors_by_name(self) -> Mapping[str, Prior]:
         """Return the prior of the factor: log gain is Laplace."""
@@ -110,16 +112,19 @@ register(
         Gain,
         lambda context: [Gain()],
         meaning="measured {output} is a constant multiple of simulated {output}",
-        like=("offset", "wrong-constant"),
         headline="{output} is {gain} times what the simulation gives",
-        priors="log gain: Laplace, scale 1/3, or a third of the log ratio of measured to simulated "
-        "outputs where that exceeds 2",
-        estimates="gain",
-        left_out="never",
     )
 )
 
 
+_PARABOLA = {
+    "level": frozen(stats.norm),
+    "gain": frozen(stats.loglaplace, 1 / _LAPLACE_SCALE),
+    "curvature": frozen(stats.norm),
+}
+
+
+@dataclass(eq=False, repr=False)
 class SensorResponse(Cause):
     """A bent relation of measured to simulated output: a sensor that is not linear.
 
@@ -149,14 +154,9 @@ class SensorResponse(Cause):
     """
 
     kind = "response"
-    parameters: Mapping[str, Prior] = {
-        "level": frozen(stats.norm),
-        "gain": frozen(stats.loglaplace, 3.0),
-        "curvature": frozen(stats.norm),
-    }
+    parameters = _PARABOLA
 
-    def __init__(self, measured: OutputScale = UNMEASURED):
-        self.measured = measured
+    measured: OutputScale = UNMEASURED
 
     def prepare(self, context: Context) -> Cause:
         """Fill in middle and deviation from where the output is."""
@@ -197,20 +197,17 @@ register(
         "response",
         SensorResponse,
         lambda context: [SensorResponse()],
-        meaning="measured {output} is a bent function of simulated {output}, as of a sensor that "
-        "is not linear",
+        meaning=(
+            "measured {output} is a bent function of simulated {output}, as of a sensor that "
+            "is not linear"
+        ),
         least_rows=8,
-        like=("gain", "limit"),
         headline="{output} is not in proportion to what is simulated: its scale is bent",
-        formula="level + gain eta + curvature eta²",
-        priors="in sd of the output, around its middle: level, curvature standard normal; log "
-        "gain: Laplace, scale 1/3",
-        estimates="level, gain, curvature",
-        left_out="fewer than 8 rows",
     )
 )
 
 
+@dataclass(eq=False, repr=False)
 class Limit(Declared):
     """The output stops at a limit that the simulation exceeds: an overflow, the end of a scale.
 
@@ -239,15 +236,9 @@ class Limit(Declared):
     kind = "limit"
     unknowns = ("limit",)
 
-    def __init__(
-        self,
-        below: bool = False,
-        limit: Prior | None = None,
-        measured: OutputScale = UNMEASURED,
-    ):
-        self.below = below
-        self.limit = limit
-        self.measured = measured
+    below: bool = False
+    limit: Prior | None = None
+    measured: OutputScale = UNMEASURED
 
     @property
     def variant(self) -> str:
@@ -295,38 +286,28 @@ register(
         "limit",
         Limit,
         lambda context: [Limit()],
-        meaning="measured {output} stays at a limit where the simulation goes beyond, as where "
-        "something overflows or a sensor is at the end of its scale",
+        meaning=(
+            "measured {output} stays at a limit where the simulation goes beyond, as where "
+            "something overflows or a sensor is at the end of its scale"
+        ),
         least_rows=8,
-        like=("saturation", "response"),
         headline="{output} stops at {limit}, and the simulation goes beyond",
-        priors="limit: normal, mean and sd of the measured output",
-        estimates="limit",
-        left_out="fewer than 8 rows",
-    )
-)
-register(
+    ),
     Form(
         "limit: below",
         Limit,
         lambda context: [Limit(below=True)],
-        meaning="measured {output} stays at a limit where the simulation goes below, as at the "
-        "least that a sensor can read",
+        meaning=(
+            "measured {output} stays at a limit where the simulation goes below, as at the "
+            "least that a sensor can read"
+        ),
         least_rows=8,
         headline="{output} does not fall below {limit}, and the simulation does",
-        call="`Limit(below=True)`",
-        formula="max(eta, limit)",
-        priors="the same",
-        estimates="limit",
-        left_out="the same",
-    )
+    ),
 )
 
 
-# longest scale, in spans of the measured rows: a tenth is lost over a span of twice the mean place
-_LONGEST = 5.0
-
-
+@dataclass(eq=False, repr=False)
 class Loss(Located):
     """From some place on ever less of the simulation remains: a vaccine, bleaching, wear.
 
@@ -361,21 +342,15 @@ class Loss(Located):
 
     kind = "ramp"
     unknowns = ("location", "scale")
+    variant = "loss"
+    expression = "{simulated} * np.exp(-np.maximum({x} - {location}, 0) / {scale})"
+    units: ClassVar[Mapping[str, str]] = {"location": "{x}", "scale": "{x}"}
+    does = "responds"
 
-    def __init__(
-        self,
-        column: str,
-        location: Prior | None = None,
-        scale: Prior | None = None,
-        axis: Axis = UNKNOWN,
-    ):
-        super().__init__(column, location, axis)
-        self.scale = scale
-
-    @property
-    def variant(self) -> str:
-        """The name of this form, which is no straight line that is added."""
-        return "loss"
+    column: str
+    location: Prior | None = None
+    scale: Prior | None = None
+    axis: Axis = UNKNOWN
 
     def prepare(self, context: Context) -> Cause:
         """Fill in the priors from the measured rows."""
@@ -385,7 +360,8 @@ class Loss(Located):
                 f"use Ramp({self.column!r}), which is the same."
             )
         axis = self.along(context)
-        scale = self.scale or frozen(stats.loguniform, axis.spacing, _LONGEST * axis.span)
+        # at the longest scale a tenth is lost from the middle of the rows to their end
+        scale = self.scale or frozen(stats.loguniform, axis.spacing, 5 * axis.span)
         return self.filled(axis=axis, location=self.location or axis.location_prior, scale=scale)
 
     def grid(self) -> dict[str, FloatArray]:
@@ -396,37 +372,21 @@ class Loss(Located):
         """Return the share that remains."""
         return np.exp(-np.maximum(X[self.column] - theta["location"], 0.0) / theta["scale"])
 
-    def code(self) -> Code:
-        """Return the cause as Python."""
-        return Code(
-            "{simulated} * np.exp(-np.maximum({x} - {location}, 0) / {scale})",
-            {"location": "{x}", "scale": "{x}"},
-            {"x": self.column},
-            does="responds",
-        )
-
-
-def _over_inputs(context: Context) -> Iterator[Cause]:
-    return (Loss(name) for name in context.inputs if not context.log_scale)
-
-
-def _lacking(context: Context) -> Iterator[tuple[str | None, str]]:
-    if context.log_scale:
-        yield None, "the logarithm of the output is measured: ramp is the same"
-
 
 register(
     Form(
         "ramp: loss",
         Loss,
-        _over_inputs,
-        meaning="from one place of {column} on ever less of simulated {output} remains, as where "
-        "something is worn, bleached or prevented",
+        lambda context: (Loss(name) for name in context.inputs if not context.log_scale),
+        meaning=(
+            "from one place of {column} on ever less of simulated {output} remains, as where "
+            "something is worn, bleached or prevented"
+        ),
         least_distinct=8,
-        lacking=_lacking,
+        lacking=needs(
+            lambda context: not context.log_scale,
+            "the logarithm of the output is measured: ramp is the same",
+        ),
         headline="From {column} = {location:place} on {output} is lost, and the simulation has all",
-        priors="location: uniform over the rows; scale: log-uniform, a spacing to five spans",
-        estimates="location, scale",
-        left_out="fewer than 8 distinct values; the output is logarithmic",
     )
 )

@@ -2,21 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy import stats
 
-from hybridsurrogate.effects.base import Act, Cause, Context, FloatArray, Rows, quantiles
+from hybridsurrogate.effects.base import Cause, Context, FloatArray, Rows, quantiles
 from hybridsurrogate.effects.context import UNKNOWN, Axis
 from hybridsurrogate.effects.expressions import Code
 from hybridsurrogate.effects.over_column import FromOrigin
-from hybridsurrogate.effects.registry import Form, over_inputs, register
+from hybridsurrogate.effects.registry import Form, needs, over_inputs, register
 from hybridsurrogate.priors import frozen
 from hybridsurrogate.types import Prior
 
 
+@dataclass(eq=False, repr=False)
 class BuildUp(FromOrigin):
     """Nothing at first, then more and more of what is simulated: absorption of a dose, a warm-up.
 
@@ -54,18 +54,14 @@ class BuildUp(FromOrigin):
 
     kind = "build-up"
     unknowns = ("scale",)
+    # a factor: its logarithm, too, is a straight line over the simulated output
+    acts_on = frozenset({"gain"})
 
-    def __init__(
-        self,
-        column: str,
-        origin: float | None = None,
-        scale: Prior | None = None,
-        log_scale: bool | None = None,
-        axis: Axis = UNKNOWN,
-    ):
-        super().__init__(column, origin, axis)
-        self.scale = scale
-        self.log_scale = log_scale
+    column: str
+    origin: float | None = None
+    scale: Prior | None = None
+    log_scale: bool | None = None
+    axis: Axis = UNKNOWN
 
     def prepare(self, context: Context) -> Cause:
         """Fill in the prior from the measured rows."""
@@ -99,11 +95,6 @@ class BuildUp(FromOrigin):
             return super().response(simulated, X, theta)
         share = np.maximum(self.gain(X, theta), np.finfo(float).tiny)
         return simulated + np.log(share), np.ones_like(simulated)
-
-    @property
-    def acts_on(self) -> frozenset[Act]:
-        """A factor: its logarithm, too, is a straight line over the simulated output."""
-        return frozenset({"gain"})
 
     def code(self) -> Code:
         """Return the cause as Python."""
@@ -141,28 +132,20 @@ register(
         "build-up",
         BuildUp,
         over_inputs(BuildUp),
-        meaning="what the simulation has from the start builds up over {column}, as where a dose "
-        "is taken up or an instrument warms up",
+        meaning=(
+            "what the simulation has from the start builds up over {column}, as where a dose "
+            "is taken up or an instrument warms up"
+        ),
         least_distinct=6,
         trouble=_trouble,
-        like=("decay", "saturation"),
         headline=(
             "{output} builds up at the start, over {scale}, where the simulation has it at once"
         ),
-        formula="eta (1 - exp(-x / scale))",
-        priors="scale: log-uniform, a tenth of a spacing to half the span",
-        estimates="scale",
-        left_out="fewer than 6 distinct values; x does not begin near zero",
     )
 )
 
 
-# of the second store at the origin, in shares of the geometric mean of the measured output
-_LEAST, _MOST = 0.03, 30.0
-# nodes of the size and of the scale
-_NODES = 10
-
-
+@dataclass(eq=False, repr=False)
 class SecondStore(FromOrigin):
     """An exponential that is added to the output itself, where its logarithm is what is measured.
 
@@ -198,17 +181,11 @@ class SecondStore(FromOrigin):
     kind = "second-store"
     unknowns = ("size", "scale")
 
-    def __init__(
-        self,
-        column: str,
-        origin: float | None = None,
-        size: Prior | None = None,
-        scale: Prior | None = None,
-        axis: Axis = UNKNOWN,
-    ):
-        super().__init__(column, origin, axis)
-        self.size = size
-        self.scale = scale
+    column: str
+    origin: float | None = None
+    size: Prior | None = None
+    scale: Prior | None = None
+    axis: Axis = UNKNOWN
 
     def prepare(self, context: Context) -> Cause:
         """Fill in origin and priors from the measured rows.
@@ -226,13 +203,13 @@ class SecondStore(FromOrigin):
         axis, usual = self.along(context), float(np.exp(context.location))
         return self.filled(
             axis=axis,
-            size=self.size or frozen(stats.loguniform, _LEAST * usual, _MOST * usual),
+            size=self.size or frozen(stats.loguniform, 0.03 * usual, 30 * usual),
             scale=self.scale or frozen(stats.loguniform, axis.span / 4, 4 * axis.span),
         )
 
     def grid(self) -> dict[str, FloatArray]:
         """Return sizes and scales, evenly spaced on logarithmic scales."""
-        return {name: quantiles(prior, _NODES) for name, prior in self.parameters.items()}
+        return {name: quantiles(prior, 10) for name, prior in self.parameters.items()}
 
     def response(
         self, simulated: FloatArray, X: Rows, theta: Rows
@@ -261,29 +238,17 @@ class SecondStore(FromOrigin):
         )
 
 
-def _over_inputs(context: Context) -> Iterator[Cause]:
-    return (SecondStore(name) for name in context.inputs if context.log_scale)
-
-
-def _lacking(context: Context) -> Iterator[tuple[str | None, str]]:
-    if not (context.log_scale or context.states):
-        yield None, "the output itself is measured: decay is the same"
-
-
 register(
     Form(
         "second-store",
         SecondStore,
-        _over_inputs,
+        lambda context: (SecondStore(name) for name in context.inputs if context.log_scale),
         meaning="a part of {output} waits in a second store that empties more slowly over {column}",
         least_distinct=6,
-        lacking=_lacking,
-        like=("saturation", "ramp"),
+        lacking=needs(
+            lambda context: context.log_scale or context.states,
+            "the output itself is measured: decay is the same",
+        ),
         headline="A part of {output} empties more slowly than in the simulation, over {scale}",
-        formula="log(exp(eta) + size exp(-(x - origin) / scale)); origin: smallest measured x",
-        priors="size: log-uniform, 0.03 to 30 times the geometric mean of the output; scale: "
-        "log-uniform, a quarter of the span to four times it",
-        estimates="size, scale",
-        left_out="fewer than 6 distinct values; an output that is not logarithmic",
     )
 )

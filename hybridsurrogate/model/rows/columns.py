@@ -203,22 +203,18 @@ def warn_elsewhere(y: FloatArray, simulation: SimulationData | Simulator | None)
     """Warn the caller of ``fit`` of outputs (n,) or (n, k) nowhere near those simulated."""
     if not isinstance(simulation, SimulationData):
         return
-    n = len(simulation.outputs)
-    pairs = zip(y.reshape(-1, n).T, simulation.y.reshape(-1, n).T, strict=True)
-    for measured, simulated in pairs:
-        _warn_elsewhere(measured[~np.isnan(measured)], simulated)
-
-
-def _warn_elsewhere(y: FloatArray, simulated: FloatArray) -> None:
-    low, high = float(np.fmin.reduce(simulated)), float(np.fmax.reduce(simulated))
-    if len(y) and (y.min() > high or y.max() < low):
-        warnings.warn(
-            f"The measured outputs, {y.min():g} to {y.max():g}, lie outside all that was "
-            f"simulated, {low:g} to {high:g}. Check that both have the same units and the same "
-            "transformation.",
-            ExtrapolationWarning,
-            stacklevel=5,
-        )
+    k = len(simulation.outputs)
+    for own, simulated in zip(y.reshape(-1, k).T, simulation.y.reshape(-1, k).T, strict=True):
+        own = own[~np.isnan(own)]
+        low, high = float(np.fmin.reduce(simulated)), float(np.fmax.reduce(simulated))
+        if len(own) and (own.min() > high or own.max() < low):
+            warnings.warn(
+                f"The measured outputs, {own.min():g} to {own.max():g}, lie outside all that was "
+                f"simulated, {low:g} to {high:g}. Check that both have the same units and the same "
+                "transformation.",
+                ExtrapolationWarning,
+                stacklevel=4,
+            )
 
 
 def check_reach(

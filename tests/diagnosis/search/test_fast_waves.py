@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from problems import make_problem
 from scipy import stats
 from scipy.special import logsumexp
 
@@ -15,7 +16,6 @@ from hybridsurrogate.inference.evidence.linearised import (
     linearised_pieces,
 )
 from hybridsurrogate.inference.evidence.marginal_likelihood import scan, shortened
-from hybridsurrogate.model.problem import make_problem
 from hybridsurrogate.model.statistics import emulator_posterior
 
 SIMULATOR = hs.Simulator(

@@ -13,6 +13,7 @@ import pandas as pd
 import pytest
 from epidemic import hidden_fall, make_epidemic, second, sir
 from few_kinds import all_but
+from problems import make_problem
 from scipy import stats
 from sklearn.exceptions import NotFittedError
 from tide import FRAME, SIMULATOR, context_of
@@ -26,7 +27,6 @@ from hybridsurrogate.diagnosis.source.python_code import extended_model, python_
 from hybridsurrogate.effects.base import NOISE_SD
 from hybridsurrogate.effects.registry import FORMS, kinds
 from hybridsurrogate.likelihoods import Binomial, as_likelihood
-from hybridsurrogate.model.problem import make_problem
 
 ROOT = Path(__file__).parents[3]
 SIGMA = 0.3

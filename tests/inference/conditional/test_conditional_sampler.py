@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from problems import make_problem
 from scipy import special, stats
 
 import hybridsurrogate as hs
@@ -25,7 +26,6 @@ from hybridsurrogate.inference.conditional.sampler import (
 )
 from hybridsurrogate.inference.procedure import given_draws
 from hybridsurrogate.model.observation import MeasuredModel
-from hybridsurrogate.model.problem import make_problem
 
 
 def parabola(t, **parameters):

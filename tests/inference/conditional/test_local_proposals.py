@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from problems import make_problem
 from scipy import stats
 
 import hybridsurrogate as hs
@@ -9,7 +10,6 @@ from hybridsurrogate.inference.conditional.grid import log_density_of_pairs
 from hybridsurrogate.inference.conditional.pairwise_squares import MeasuredGiven
 from hybridsurrogate.inference.posterior_sampler import first_step
 from hybridsurrogate.inference.procedure import make_target, measured_draws
-from hybridsurrogate.model.problem import make_problem
 
 PRIORS = {
     "start": hs.truncated_normal(60, 10, 40, 80),

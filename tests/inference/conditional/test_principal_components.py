@@ -2,12 +2,12 @@
 
 import numpy as np
 import pytest
+from problems import make_problem
 from scipy import stats
 from sklearn.kernel_approximation import Nystroem
 
 import hybridsurrogate as hs
 from hybridsurrogate.inference.conditional.pairwise_squares import MeasuredGiven, main_directions
-from hybridsurrogate.model.problem import make_problem
 
 SIGMA = 0.05
 

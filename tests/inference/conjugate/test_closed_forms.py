@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 from moments import assert_gaussian
+from problems import make_problem
 from scipy import special, stats
 
 import hybridsurrogate as hs
 from hybridsurrogate.inference.conjugate.collapsed import CollapsedPosterior
-from hybridsurrogate.model.problem import make_problem
 from hybridsurrogate.model.statistics import powers_of
 
 NOISE = 0.5

@@ -2,12 +2,12 @@
 
 import numpy as np
 import pytest
+from problems import make_problem
 from scipy import stats
 
 import hybridsurrogate as hs
 from hybridsurrogate.inference.conjugate.factored_rows import FactoredRows, are_products
 from hybridsurrogate.model.observation import MeasuredModel
-from hybridsurrogate.model.problem import make_problem
 
 SIMULATOR = hs.Simulator(
     lambda t, rate: np.exp(-rate * t), {"t": (0, 10)}, {"rate": stats.uniform(0.1, 0.5)}

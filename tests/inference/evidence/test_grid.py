@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from problems import make_problem
 from scipy import stats
 from scipy.special import logsumexp
 
@@ -12,7 +13,6 @@ from hybridsurrogate.diagnosis.search.search import search
 from hybridsurrogate.inference.evidence.grid import make_grid, refine
 from hybridsurrogate.likelihoods import as_likelihood
 from hybridsurrogate.model.context import make_context
-from hybridsurrogate.model.problem import make_problem
 from hybridsurrogate.model.statistics import emulator_posterior
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from problems import make_problem
 
 import hybridsurrogate as hs
 from hybridsurrogate.effects.dynamics.dynamic_drift import DynamicDrift
@@ -11,7 +12,6 @@ from hybridsurrogate.inference.evidence.grid import make_grid
 from hybridsurrogate.inference.evidence.levenberg_marquardt import best_of_many
 from hybridsurrogate.likelihoods import as_likelihood
 from hybridsurrogate.model.context import make_context
-from hybridsurrogate.model.problem import make_problem
 from hybridsurrogate.model.statistics import emulator_posterior
 from hybridsurrogate.ode.dynamics import TimeVaryingParameter
 

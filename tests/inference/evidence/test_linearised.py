@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from problems import make_problem
 from scipy import stats
 
 import hybridsurrogate as hs
@@ -16,7 +17,6 @@ from hybridsurrogate.inference.evidence.linearised import (
     linearise,
 )
 from hybridsurrogate.inference.evidence.marginal_likelihood import _whitener, scan
-from hybridsurrogate.model.problem import make_problem
 from hybridsurrogate.model.statistics import emulator_posterior
 
 SIMULATOR = hs.Simulator(

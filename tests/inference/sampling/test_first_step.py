@@ -9,6 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from problems import make_problem
 from scipy import stats
 
 import hybridsurrogate as hs
@@ -16,7 +17,6 @@ from hybridsurrogate.inference import posterior_sampler
 from hybridsurrogate.inference.posterior_sampler import evidence_around, first_step
 from hybridsurrogate.inference.procedure import make_target
 from hybridsurrogate.likelihoods import as_likelihood
-from hybridsurrogate.model.problem import make_problem
 
 LOG_2PI = np.log(2 * np.pi)
 
