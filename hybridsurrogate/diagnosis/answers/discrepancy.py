@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import special
 
 from hybridsurrogate.diagnosis.search.search import (
     Search,
@@ -18,8 +19,6 @@ from hybridsurrogate.diagnosis.search.search import (
 from hybridsurrogate.effects.base import Cause
 from hybridsurrogate.types import FloatArray
 
-_Z90 = 1.6448536269514722
-_N_GRID = 200
 # a column with as many values has levels instead of thirds
 _FEW_LEVELS = 6
 
@@ -122,8 +121,8 @@ def _of_output(result: Search, cause: Cause | None, output: int) -> Discrepancy:
         here = problem.X[:, stacking.at] == output
     own = problem.X[here]
     k = problem.model.columns.index(column)
-    grid = np.repeat(np.median(own, axis=0)[None], _N_GRID, axis=0)
-    grid[:, k] = np.linspace(own[:, k].min(), own[:, k].max(), _N_GRID)
+    grid = np.repeat(np.median(own, axis=0)[None], 200, axis=0)
+    grid[:, k] = np.linspace(own[:, k].min(), own[:, k].max(), len(grid))
     # the size that the residuals themselves suggest, so that noise is not drawn as a curve
     plain = predict_locally(result, result.candidates[0], problem.X)[0]
     residual = (problem.y - plain)[here]
@@ -140,7 +139,7 @@ def _of_output(result: Search, cause: Cause | None, output: int) -> Discrepancy:
     if stacking is not None:
         unit = float(stacking.scale[output])
         grid = np.delete(grid, stacking.at, axis=1)
-    low, high = mean - _Z90 * sd, mean + _Z90 * sd
+    low, high = (mean + special.ndtri(tail) * sd for tail in (0.05, 0.95))
     return Discrepancy(grid, column, unit * mean, unit * low, unit * high, unit * left)
 
 

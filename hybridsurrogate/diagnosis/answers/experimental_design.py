@@ -34,7 +34,7 @@ from hybridsurrogate.types import FloatArray
 _VALUES, _VALUES_BEYOND = 24, 8
 # an input with so few values, whole numbers in a row, counts things
 _MOST_NUMBERED = 6
-_N_PLACES, _SWEEPS, _AS_GOOD = 60, 2, 0.98
+_N_PLACES, _AS_GOOD = 60, 0.98
 # places of a batch to choose from where none are given, and simulated batches: expected
 # information is estimated to about 0.02 bits
 _MOST_PLACES, _BATCHES = 400, 500
@@ -78,7 +78,7 @@ def next_measurement(result: Search, ranges: Mapping[str, tuple[float, float]]) 
     if problem.stacking is not None:
         point[problem.stacking.at] = 0.0
     information = 0.0
-    for _ in range(_SWEEPS if len(columns) > 1 else 1):
+    for _ in range(2 if len(columns) > 1 else 1):
         for k, name in enumerate(columns):
             values = _values_of(name, problem.X[:, k], ranges)
             grid = np.repeat(point[None], len(values), axis=0)

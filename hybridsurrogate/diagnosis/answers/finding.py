@@ -177,10 +177,6 @@ def is_compared(table: pd.DataFrame) -> pd.Series:
     return ~table["note"].str.startswith(NOT_COMPARED)
 
 
-# the tails of a 90 % band
-_TAILS = (0.05, 0.95)
-
-
 def parameter_course(before: Any, extended: Any, n: int = 101) -> pd.DataFrame:
     """Return each parameter that wanders over its input, a row a place.
 
@@ -205,7 +201,7 @@ def parameter_course(before: Any, extended: Any, n: int = 101) -> pd.DataFrame:
         assert cause.ends is not None  # it is prepared
         x, name = np.linspace(*cause.ends, n), cause.parameter
         drawn = cause.course(x, named[name], posterior.draws_of(k)[0])
-        lower, upper = np.quantile(drawn, _TAILS, axis=0)
+        lower, upper = np.quantile(drawn, (0.05, 0.95), axis=0)
         course = {"mean": drawn.mean(axis=0), "lower": lower, "upper": upper}
         own = {"parameter": name, "over": cause.over, "x": x, **course}
         tables.append(pd.DataFrame(own).assign(constant=float(np.mean(constant[name]))))

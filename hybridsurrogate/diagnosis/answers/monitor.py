@@ -42,8 +42,6 @@ _LEAST_WEIGHT = 1e-3
 _VALUES = 20
 # rows at a time, so that memory stays bounded
 _MOST_ROWS = 2000
-# log density of what cannot be
-_IMPOSSIBLE = -1e8
 
 
 @dataclass(frozen=True)
@@ -118,7 +116,8 @@ def monitored(
     """
     parts: list[FloatArray] = []
     first, limit = 0, np.log(1 / false_alarm_rate)
-    models, shares = [estimator], np.ones(1)
+    models: Sequence[Any] = [estimator]
+    shares: FloatArray = np.ones(1)
     if isinstance(estimator, AveragedSurrogate):
         models, shares = estimator.estimators_, estimator.weights_
     while True:
@@ -215,7 +214,7 @@ def _deviations(
     counts = [len(part) for part, _ in draws]
     log_density = likelihood.log_density(values, eta, sigma)
     # a value impossible under every draw does not change the weights
-    log_density = np.maximum(log_density, _IMPOSSIBLE)
+    log_density = np.maximum(log_density, -1e8)
     prior = np.repeat(np.log(shares / shares.sum()) - np.log(counts), counts)
     log_weight = np.tile(prior[:, None], (1, len(there) + 1))
     log_weight[:, 1:] += np.cumsum(log_density, axis=1)

@@ -253,12 +253,10 @@ def _place(at: dict[str, float]) -> str:
 
 # a caution is raised in one of a hundred sets without overdispersion
 _LEVEL, _N_REPLICATES = 0.01, 999
-# pairs that a test needs; rounds of pairing; distances that are no neighbourhood, in medians
-_LEAST_PAIRS, _ROUNDS, _TOO_FAR = 8, 3, 3.0
+# pairs that a test needs
+_LEAST_PAIRS = 8
 # of one pair: three standard deviations
 _LARGEST_SQUARE = 9.0
-# Newton steps to the mean of a pair, of which the first two do nearly all
-_STEPS, _LONGEST_STEP = 8, 2.0
 
 
 class Dispersion(NamedTuple):
@@ -389,7 +387,7 @@ def neighbours(X: FloatArray) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
     places = moving / moving.std(axis=0) + jitter if moving.size else np.arange(len(X))[:, None]
     rest = np.arange(len(X))
     first, second, distance = [], [], []
-    for _ in range(_ROUNDS):
+    for _ in range(3):
         if len(rest) < 2:
             break
         apart, nearest = KDTree(places[rest]).query(places[rest], k=2)
@@ -401,7 +399,7 @@ def neighbours(X: FloatArray) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
         distance.append(apart[paired, 1])
         rest = np.setdiff1d(rest, np.concatenate([first[-1], second[-1]]))
     a, b, far = (np.concatenate(parts) for parts in (first, second, distance))
-    near = far <= _TOO_FAR * np.median(far)
+    near = far <= 3 * np.median(far)  # farther rows are no neighbours
     return a[near], b[near]
 
 
@@ -415,10 +413,10 @@ def _squares(
     """
     sigma = np.ones((1, 1, 1))
     shift = np.zeros(np.broadcast_shapes(eta.shape, y.shape)[1:])
-    for _ in range(_STEPS):
+    for _ in range(8):  # Newton steps, of which the first two do nearly all
         gap = np.sum(y - likelihood.mean(eta + shift, sigma), axis=0)
         step = gap / np.sum(likelihood.variance(eta + shift, sigma), axis=0)
-        shift = shift + np.clip(step, -_LONGEST_STEP, _LONGEST_STEP)
+        shift = shift + np.clip(step, -2.0, 2.0)
     center = eta + shift
     mean, variance = likelihood.mean(center, sigma), likelihood.variance(center, sigma)
     met = np.abs(np.sum(y - mean, axis=0)) < 1e-3 * np.sum(mean, axis=0)

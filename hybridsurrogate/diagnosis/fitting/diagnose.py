@@ -81,14 +81,7 @@ def with_gain(
     """
     before, settings = result.before, result.settings
     X, y = before.measured_
-    refitted = Refit(
-        clone(before),
-        settings.causes,
-        settings.exclude,
-        searches(result.steps),
-        settings.max_causes,
-        settings.false_alarm_rate,
-    )
+    refitted = Refit(clone(before), settings, searches(result.steps))
     within = random_folds(len(y), cv, deepcopy(result.fold_random))
     beyond = folds_beyond(before.simulation, X)
     rows = result.rows._replace(y=y)

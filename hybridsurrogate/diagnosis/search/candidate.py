@@ -15,6 +15,8 @@ from hybridsurrogate.types import FloatArray
 
 # kinds that are no name for what is wrong
 NAMELESS = ("none", "unexplained")
+# less probable causes are not looked at again
+LEAST_PROBABLE = 0.01
 
 
 class Candidate(NamedTuple):

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy import special
 
-from hybridsurrogate.diagnosis.search.candidate import Candidate, prior_of
+from hybridsurrogate.diagnosis.search.candidate import LEAST_PROBABLE, Candidate, prior_of
 from hybridsurrogate.diagnosis.search.context import Fitted, InterruptedSearch, SearchContext
 from hybridsurrogate.diagnosis.search.exact_scores import placed_together, scored, screened_at_best
 from hybridsurrogate.diagnosis.search.null_test import NullTest, evidence_bound, null_test
@@ -21,8 +21,6 @@ from hybridsurrogate.model.observation import MeasuredModel
 from hybridsurrogate.model.problem import Problem
 from hybridsurrogate.model.statistics import EmulatorPosterior
 
-# probability of a cause that may be meant
-_LIKELY = 0.01
 # rows that are searched first where there are at least twice as many: 0.5 to 0.7 of the time of
 # 2,500 rows with a cause, 1.2 to 1.3 without one; the same verdicts in 16 data sets of 8 kinds
 _SAMPLE = 1000
@@ -271,7 +269,7 @@ def _first_choice(result: Search) -> Candidate:
     first = result.candidates[result.leader]
     for w, probability in zip(result.candidates[1:], result.probability[1:], strict=True):
         assert w.cause is not None
-        likely = w.cause.concerns == "prior" and probability > _LIKELY
+        likely = w.cause.concerns == "prior" and probability > LEAST_PROBABLE
         if likely and w is not first and draw_the_same(result, first, w):
             return w
     return first

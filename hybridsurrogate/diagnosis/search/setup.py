@@ -35,8 +35,6 @@ from hybridsurrogate.types import FloatArray
 
 # draws of the posterior of which the best is taken
 _TRIED = 200
-# jitters that are tried, from a thirtieth of the known errors to thirty times them
-_JITTERS = 60
 
 
 class Prepared(NamedTuple):
@@ -240,7 +238,8 @@ def _jitter_of_neighbours(X: FloatArray, residual: FloatArray, errors: FloatArra
     # of equal rows the first may be another one
     other = np.where(near[:, 0] == np.arange(len(near)), near[:, 1], near[:, 0])
     squares = (residual - residual[other]) ** 2
-    jitter = np.append(0.0, np.geomspace(0.03, 30.0, _JITTERS) * np.median(errors))
+    # from a thirtieth of the known errors to thirty times them
+    jitter = np.append(0.0, np.geomspace(0.03, 30.0, 60) * np.median(errors))
     variance = errors**2 + errors[other] ** 2 + 2 * jitter[:, None] ** 2
     return float(jitter[np.argmin(np.sum(np.log(variance) + squares / variance, axis=1))])
 

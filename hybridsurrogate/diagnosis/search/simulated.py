@@ -375,8 +375,6 @@ def _summed(names: Sequence[str], values: FloatArray) -> tuple[list[str], FloatA
 POWER = 0.9
 # sizes, in standard deviations of the mean of 40 rows, and data sets of each
 _SIZES, _SETS = np.geomspace(0.5, 8.0, 5) * np.sqrt(40), 20
-# changes of a row between which it is interpolated
-_CHANGES = 60
 
 
 def detectable(result: Search, test: NullTest, rate: float) -> pd.DataFrame:
@@ -437,7 +435,7 @@ def _change_at(forms: Sequence[tuple[Cause, Shapes]], sizes: FloatArray, rate: F
     peak, weight = peak[weight * peak > 0], weight[weight * peak > 0]
     if not len(peak):
         return np.nan
-    changes = np.geomspace(sizes[0] * peak.min(), sizes[-1] * peak.max(), _CHANGES)
+    changes = np.geomspace(sizes[0] * peak.min(), sizes[-1] * peak.max(), 60)
     log_sizes, rising = np.log(sizes), np.maximum.accumulate(rate)
     at = np.interp(np.log(changes[:, None] / peak), log_sizes, rising)
     return size_at(changes, at @ weight / weight.sum(), POWER)

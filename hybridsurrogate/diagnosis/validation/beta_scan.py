@@ -19,6 +19,7 @@ from hybridsurrogate.diagnosis.validation.cross_validation import (
     random_folds,
 )
 from hybridsurrogate.diagnosis.validation.gain import Rows, mean_and_error
+from hybridsurrogate.diagnosis.validation.refit import ALTERNATIVE_DRAWS
 from hybridsurrogate.estimators.beta_path import beta_path
 from hybridsurrogate.estimators.power_scaled import PowerScaledSurrogate
 from hybridsurrogate.exceptions import HybridSurrogateWarning
@@ -32,8 +33,6 @@ from hybridsurrogate.types import FloatArray
 _FEW_BETAS, _SCAN_FOLDS = (0.05, 0.25, 0.5, 0.75, 0.95), 3
 # with more of these a scan takes minutes
 _MANY_COEFFICIENTS = 100
-# scores of single weights differ by more than the error of so many draws
-_DRAWS = 200
 
 
 @dataclass(frozen=True)
@@ -206,7 +205,7 @@ def _scores_of_fold(
     model: PowerScaledSurrogate, betas: FloatArray, train: Rows, test: Rows
 ) -> FloatArray:
     """Return the log predictive density of held-out rows at each weight: (n_betas, n_held)."""
-    draws = min(int(model.n_draws), _DRAWS)
+    draws = min(int(model.n_draws), ALTERNATIVE_DRAWS)
     quick = clone(model).set_params(sampler="importance", n_draws=draws)
     with warnings.catch_warnings():
         # fits at extreme weights are often doubtful; the curve shows it

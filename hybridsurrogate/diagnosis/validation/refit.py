@@ -14,6 +14,7 @@ from sklearn.base import clone
 
 from hybridsurrogate.diagnosis.answers.averaging import averaged_over
 from hybridsurrogate.diagnosis.answers.extension import extend_simulator
+from hybridsurrogate.diagnosis.checks.parameters import Settings
 from hybridsurrogate.diagnosis.search.candidate import Candidate
 from hybridsurrogate.diagnosis.search.context import on_working_rows
 from hybridsurrogate.diagnosis.search.forward_selection import SearchStep, forward_search
@@ -98,8 +99,8 @@ def excluded_rows(search: Search, w: Candidate) -> tuple[GrossRow, ...]:
     )
 
 
-# enough for scores whose own standard error is that of a handful of rows, and for what has less
-# than half of the weight
+# enough for scores whose own standard error is that of a handful of rows; for what has less than
+# half of the weight, and for the difference between scores at two weights of the simulation
 FOLD_DRAWS, ALTERNATIVE_DRAWS, FOLD_STEPS = 400, 200, 1000
 
 
@@ -119,22 +120,15 @@ class Refit:
     ----------
     estimator : PowerScaledSurrogate
         The model before, not fitted.
-    own : sequence of Cause
-    excluded : tuple of str
-        Kinds that are not compared.
+    settings : Settings
     found : sequence of Search
         On all rows, the first one first: its emulator comes from the runs alone, which are the
         same in each fold, and optimisations start where theirs ended.
-    max_causes : int
-    false_alarm_rate : float
     """
 
     estimator: PowerScaledSurrogate
-    own: Sequence[Cause]
-    excluded: tuple[str, ...]
+    settings: Settings
     found: Sequence[Search]
-    max_causes: int
-    false_alarm_rate: float
 
     def __call__(
         self,
@@ -147,15 +141,16 @@ class Refit:
         draws = min(int(self.estimator.n_draws), FOLD_DRAWS)
         task = prepared(clone(self.estimator).set_params(n_draws=draws), X, y, weights, y_err)
         before = quickly_fitted(task)
-        setup = prepare(before, self.own, self.excluded, self.max_causes)
+        settings = self.settings
+        setup = prepare(before, settings.causes, settings.exclude, settings.max_causes)
         problem = with_basis(setup.problem, self.found[0].problem.model.basis)
         problem = on_working_rows(problem, before.posterior_)
         steps = forward_search(
             problem,
             setup.causes,
             self.found[0].context.emulator,
-            self.max_causes,
-            self.false_alarm_rate,
+            settings.max_causes,
+            settings.false_alarm_rate,
             None,
             # without replicates nothing in a search is random
             RandomState(0),

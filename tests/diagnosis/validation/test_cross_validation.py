@@ -98,7 +98,7 @@ def test_a_second_search_in_a_fold_starts_where_that_on_all_rows_ended(simulator
     told = []
     for known in (found[:1], found):
         climbs.append(0)
-        refitted = Refit(model, (), (), known, 2, 0.05)
+        refitted = Refit(model, diagnosis.result_.settings, known)
         told.append(refitted(t[kept, None], y[kept]))
     alone, helped = told
     assert alone.kind == helped.kind == "periodic + step"
