@@ -17,6 +17,7 @@ from hybridsurrogate.inference.conditional.pairwise_squares import (
     main_directions,
     node_shares,
     one_node_each,
+    quality,
     squares_of_factors,
     squares_of_pairs,
 )
@@ -30,7 +31,6 @@ from hybridsurrogate.inference.sampling.modes import factors, optimise_density
 from hybridsurrogate.inference.sampling.settings import SETTINGS
 from hybridsurrogate.model.statistics import ROUNDING, prior_log_density, prior_of_unknowns
 from hybridsurrogate.numerics.linear_algebra import blocks, log_det_of, nudged_cholesky
-from hybridsurrogate.numerics.psis import level_smooth
 from hybridsurrogate.types import FloatArray
 
 _IMPOSSIBLE = -1e300
@@ -86,10 +86,7 @@ def own_draws(
     )
     share = node_shares(log_weight)
     pick = one_node_each(share, random_state)
-    some = np.unique(np.linspace(0, S - 1, min(S, 100)).astype(int))
-    khat = float(np.median([level_smooth(log_weight[:, s])[1] for s in some]))
-    effective = float(np.median(1 / np.sum(share**2, axis=0)))
-    return OwnDraws(points[pick, np.arange(S)], khat, effective)
+    return OwnDraws(points[pick, np.arange(S)], *quality(log_weight, share, 100))
 
 
 def log_density_of_pairs(

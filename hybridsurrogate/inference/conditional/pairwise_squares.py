@@ -15,6 +15,7 @@ from hybridsurrogate.inference.conjugate.factored_rows import FactoredRows
 from hybridsurrogate.inference.sampling.settings import SETTINGS
 from hybridsurrogate.model.observation import MeasuredModel
 from hybridsurrogate.numerics.linear_algebra import BLOCK, blocks
+from hybridsurrogate.numerics.psis import level_smooth
 from hybridsurrogate.types import FloatArray, Prior
 
 
@@ -220,6 +221,17 @@ def node_shares(log_weight: FloatArray) -> FloatArray:
     np.exp(weight, out=weight)
     weight /= weight.sum(axis=0)
     return weight
+
+
+def quality(log_weight: FloatArray, share: FloatArray, most: int) -> tuple[float, float]:
+    """Return k-hat and effective number of weights (J, S), medians over draws.
+
+    The former over ``most`` of them.
+    """
+    S = log_weight.shape[1]
+    some = np.linspace(0, S - 1, min(most, S)).astype(int)
+    khat = float(np.median([level_smooth(log_weight[:, s])[1] for s in some]))
+    return khat, float(np.median(1 / np.sum(share**2, axis=0)))
 
 
 def one_node_each(weight: FloatArray, random_state: np.random.RandomState) -> NDArray[np.intp]:

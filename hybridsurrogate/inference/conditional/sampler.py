@@ -29,6 +29,7 @@ from hybridsurrogate.inference.conditional.pairwise_squares import (
     main_directions,
     node_shares,
     one_node_each,
+    quality,
     squares_of_factors,
     squares_of_pairs,
 )
@@ -45,7 +46,7 @@ from hybridsurrogate.model.posterior import LEAST_EFFECTIVE
 from hybridsurrogate.model.problem import Problem
 from hybridsurrogate.model.statistics import ROUNDING, prior_log_density, prior_of_unknowns
 from hybridsurrogate.numerics.linear_algebra import LARGE_BLOCK, blocks, log_det_of, nudged_cholesky
-from hybridsurrogate.numerics.psis import KHAT_LIMIT, level_smooth
+from hybridsurrogate.numerics.psis import KHAT_LIMIT
 from hybridsurrogate.types import FloatArray
 
 
@@ -308,20 +309,12 @@ def _weighted(
         log_density = _log_density(given, u, given.draws)
         log_weight = log_density - log_proposal[:, None]
         share = node_shares(log_weight)
-        khat, effective = _quality(log_weight, share)
+        khat, effective = quality(log_weight, share, 25)
         enough = effective > SETTINGS.enough_effective * n and khat <= KHAT_LIMIT
         if enough or round_ == SETTINGS.conditional_rounds - 1:
             break
         components = [moment_match(points, share.mean(axis=1), first), *others]
     return _Weighted(u, log_density, log_proposal, share, khat, effective, enough)
-
-
-def _quality(log_weight: FloatArray, share: FloatArray) -> tuple[float, float]:
-    """Return k-hat and effective number of weights (J, S), medians over draws."""
-    S = log_weight.shape[1]
-    some = np.linspace(0, S - 1, min(25, S)).astype(int)
-    khat = float(np.median([level_smooth(log_weight[:, s])[1] for s in some]))
-    return khat, float(np.median(1 / np.sum(share**2, axis=0)))
 
 
 def _as_is(points: FloatArray) -> tuple[FloatArray, float]:
@@ -360,7 +353,7 @@ def held_out(
     given = main_directions(all_rows, found.u[:, :-1], sigma)
     log_weight = found.log_density - found.log_proposal[:, None]
     with_them = _log_density(given, found.u, given.draws) - found.log_proposal[:, None]
-    khat, effective = _quality(with_them, node_shares(with_them))
+    khat, effective = quality(with_them, node_shares(with_them), 25)
     if max(khat, found.khat) > KHAT_LIMIT:
         return None
     if min(effective, found.effective) < LEAST_EFFECTIVE:

@@ -118,11 +118,15 @@ def best_of_global_starts(
     is_rough = np.count_nonzero(inner) > 1
     if len(grid.nodes) and not is_rough:
         return None  # nodes are enumerated, and sizes are followed from each
-    spread = _spread(model, grid, line[0], _WIDE if is_rough else _ON_LINE)
+    wide, most = _WIDE if is_rough else _ON_LINE, SETTINGS.nodes_followed
+    if is_rough and model.basis.is_quick:
+        wide = int(np.clip(SETTINGS.population_rows // len(y), _WIDE, SETTINGS.widest_population))
+        most = SETTINGS.followed_of_many
+    spread = _spread(model, grid, line[0], wide)
     z = np.vstack([known, line, spread])
     value = np.concatenate([deviance(known[None]), along, deviance(spread)])
     if is_rough:
-        followed = z[np.argsort(value)[: SETTINGS.nodes_followed]]
+        followed = z[np.argsort(value)[:most]]
         end = _descend(residual, followed, np.concatenate([grid.fixed, grid.sizes, grid.nodes]))
         z, value = np.vstack([z, end]), np.append(value, deviance(end[None]))
     best = int(np.argmin(value))

@@ -85,6 +85,9 @@ class SearchSettings:
         places that are followed.
     stuck : float
         Damping at which no step is short enough to gain.
+    widest_population, population_rows, followed_of_many : int
+        Starting places of an optimisation at most, rows of their outputs at most, and places
+        followed where a run is quick and rows are few.
     outlier_converged : float
         Relative move of the noise at which EM has arrived at the mode with outliers.
     outlier_newton : float
@@ -138,6 +141,9 @@ class SearchSettings:
     optimiser_steps: int = 25
     steps_a_round: int = 2
     stuck: float = 1e6
+    widest_population: int = 8000
+    population_rows: int = 800_000
+    followed_of_many: int = 32
     outlier_converged: float = 3e-3
     outlier_newton: float = 1.0
     outlier_least_curvature: float = 0.3

@@ -32,14 +32,16 @@ class SamplingSettings:
         should leave 5 % where they stop at 0.5, up to 5.7 % at 0.3.
     fewest_near, slices : int
         Fewer points near a mode do not estimate it; of so many proposals each is cut into as many
-        slices, of more none.
+        slices, of more none. Without, 40 instead of 23 of 232 such densities have a bad k-hat.
     least_share, least_proposed : float
         A proposal with less of the weight stays where it is, and counts as if it had that; each has
         at least this share of the points.
     shaping : float
-        Effective points, for each dimension, from which a proposal is shaped.
+        Effective points, for each dimension, from which a proposal is shaped: fewer are evened out
+        by a power of their weights. As they are, evidences of 142 bent, skewed and heavy-tailed
+        densities are off by 0.30 nats on average instead of 0.16.
     proposal_halvings : int
-        Halvings of a proposal's step where it does not help.
+        Halvings that find this power.
     prior_end : float
         No prior has mass beyond.
     windows, window_points : int
