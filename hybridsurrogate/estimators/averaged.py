@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy import special
 from sklearn.base import clone
 from sklearn.utils.validation import check_is_fitted
 
@@ -20,6 +19,7 @@ from hybridsurrogate.exceptions import SamplingWarning
 from hybridsurrogate.inference.loo import PointwiseLoo
 from hybridsurrogate.likelihoods import as_likelihood
 from hybridsurrogate.model.posterior import Diagnostics, Posterior
+from hybridsurrogate.prediction.leave_one_out import loo_of_mixture
 from hybridsurrogate.prediction.variables import MixturePart
 from hybridsurrogate.simulation.arrays import as_numbers
 from hybridsurrogate.simulation.simulator import SimulationData, Simulator
@@ -287,11 +287,7 @@ class AveragedSurrogate(SurrogateEstimator):
 
     def _pointwise_loo(self, progress: bool = False) -> PointwiseLoo:
         parts = [one._pointwise_loo(progress) for one in self.estimators_]
-        log_density = special.logsumexp(
-            [part.log_density for part in parts], axis=0, b=self.weights_[:, None]
-        )
-        khat = np.max([part.khat for part in parts], axis=0)
-        return PointwiseLoo(log_density, khat, np.any([part.failed for part in parts], axis=0))
+        return loo_of_mixture(parts, self.weights_)
 
 
 def leading(estimator: PowerScaledSurrogate | AveragedSurrogate) -> PowerScaledSurrogate:

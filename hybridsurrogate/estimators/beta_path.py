@@ -179,7 +179,6 @@ def _nearest(out: dict[int, Any], grid: FloatArray, k: int) -> int | None:
 
 
 LEAVE_FUTURE_OUT = "leave-future-out"
-_FUTURE_SPLITS = 5
 
 
 @dataclass(frozen=True)
@@ -267,7 +266,7 @@ def choose_beta(
             raise ValueError(f"cv must be as in scikit-learn or {LEAVE_FUTURE_OUT!r}, got {cv!r}.")
         first = X.iloc[:, 0] if isinstance(X, pd.DataFrame) else np.asarray(X)[:, 0]
         order = np.argsort(as_numbers(first, "X"), kind="stable")
-        folds = TimeSeriesSplit(_FUTURE_SPLITS).split(order)
+        folds = TimeSeriesSplit(n_splits=5).split(order)
         splits = [(order[train], order[test]) for train, test in folds]
     else:
         try:

@@ -17,7 +17,7 @@ from hybridsurrogate.likelihoods import Likelihood
 from hybridsurrogate.model.posterior import Diagnostics, Posterior
 from hybridsurrogate.model.problem import plain_problem
 from hybridsurrogate.model.rows.measured_data import MeasuredData
-from hybridsurrogate.prediction.leave_one_out import loo_of_fit
+from hybridsurrogate.prediction.leave_one_out import loo_of_fit, loo_of_mixture
 from hybridsurrogate.prediction.variables import MixturePart
 from hybridsurrogate.simulation.simulator import SimulationData, Simulator
 from hybridsurrogate.surrogates.basis import Surrogate
@@ -165,26 +165,18 @@ class PredictiveWeightedSurrogate(SurrogateEstimator):
         }
         if "simulation" not in parts:
             return parts["measured"]
-        beta, X = self.beta_, self.data_.single.X
-        weight = self._beta_at(beta, X) if callable(beta) else float(beta)
-        with np.errstate(divide="ignore"):
-            log_density = np.logaddexp(
-                parts["simulation"].log_density + np.log(weight),
-                parts["measured"].log_density + np.log1p(-weight),
-            )
-        khat = np.maximum(parts["simulation"].khat, parts["measured"].khat)
-        failed = parts["simulation"].failed | parts["measured"].failed
-        return PointwiseLoo(log_density, khat, failed)
+        weight = self._weight(self.data_.single.X)
+        return loo_of_mixture([parts["simulation"], parts["measured"]], [weight, 1.0 - weight])
+
+    def _weight(self, X: FloatArray) -> Any:
+        """Return the weight of the simulation: a number, or (n,) at rows X."""
+        return self._beta_at(self.beta_, X) if callable(self.beta_) else float(self.beta_)
 
     def _mixture(self, X: FloatArray | None = None) -> list[tuple[Any, Posterior]]:
         if self.simulation_posterior_ is None:
             return [(1.0, self.measured_posterior_)]
-        weight: Any
-        if callable(self.beta_):
-            weight = self._beta_at(self.beta_, self.data_.single.X if X is None else X)
-            weight = weight if X is not None else float(weight.mean())
-        else:
-            weight = float(self.beta_)
+        weight = self._weight(self.data_.single.X if X is None else X)
+        weight = weight if X is not None else float(np.mean(weight))
         pairs = [(weight, self.simulation_posterior_), (1.0 - weight, self.measured_posterior_)]
         return [pair for pair in pairs if np.max(pair[0]) > 0]
 

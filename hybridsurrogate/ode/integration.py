@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -182,17 +181,18 @@ def adaptive(
     if not later.any() or not np.isfinite(state).all():
         return out
     span = (start, float(times[later].max()))
-    settings: dict[str, Any] = {"method": method, "rtol": 1e-8, "max_step": max_step}
     size, origin = 1 + np.abs(state), np.zeros(len(state))
     while True:
         found = solve_ivp(
             lambda t, state, origin=origin: slope(t, state + origin),
             span,
             state - origin,
+            method=method,
             dense_output=True,
+            max_step=max_step,
+            rtol=1e-8,
             # slopes know a state far from zero no better than it is rounded
             atol=np.maximum(1e-10 * size, np.spacing(np.abs(origin))),
-            **settings,
         )
         # what was reached before a failure is not kept: a solution that breaks down is no solution
         if not (found.success and found.sol is not None and np.isfinite(found.y).all()):

@@ -308,11 +308,9 @@ class OdeSimulator(Simulator):
 
         A cause that shifts time, such as a delay, meets the initial state there.
         """
-        time = X[:, :1]
         # NaN stays NaN
-        return np.hstack(
-            [np.where(time < self.function.start, self.function.start, time), X[:, 1:]]
-        )
+        time = np.maximum(X[:, :1], self.function.start)
+        return np.hstack([time, X[:, 1:]])
 
     def typical_states(self, X: FloatArray) -> dict[str, float]:
         """Return the root mean square of each state at the medians of the priors.

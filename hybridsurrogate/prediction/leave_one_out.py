@@ -9,8 +9,9 @@ dozens that follow each row, would make importance weights fail.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -213,6 +214,17 @@ def loo_of_rows(found: PointwiseLoo, data: MeasuredData, mixture_at: MixtureAt) 
     spread = np.average((pointwise - mean) ** 2, weights=weights)
     error = float(np.sqrt(spread / max(weights.sum() - 1, 1.0)))
     return Loo(mean, error, pointwise, khat, int(found.failed.sum()))
+
+
+def loo_of_mixture(parts: Sequence[PointwiseLoo], weights: Sequence[Any]) -> PointwiseLoo:
+    """Return the densities of a mixture, whose weights are numbers or arrays (n,).
+
+    A k-hat is the largest of its parts.
+    """
+    log_density, khat, failed = (np.array(column) for column in zip(*parts, strict=True))
+    share = np.stack([np.broadcast_to(weight, log_density.shape[1:]) for weight in weights])
+    density = special.logsumexp(log_density, axis=0, b=share)
+    return PointwiseLoo(density, khat.max(axis=0), np.asarray(failed.any(axis=0)))
 
 
 def loo_of_fit(

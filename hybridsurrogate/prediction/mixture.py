@@ -76,10 +76,8 @@ def inside_intervals(
 
 def _normal_likelihood(mixture: Mixture) -> TransformedNormal | None:
     """Return the likelihood where it is normal in all parts: some may have outliers."""
-    likelihoods = [posterior.likelihood for _, posterior in mixture]
-    first = likelihoods[0]
-    everywhere = all(isinstance(each, TransformedNormal) for each in likelihoods)
-    return first if isinstance(first, TransformedNormal) and everywhere else None
+    normal = [p.likelihood for _, p in mixture if isinstance(p.likelihood, TransformedNormal)]
+    return normal[0] if len(normal) == len(mixture) else None
 
 
 def _normals(mixture: Mixture, X: FloatArray) -> Normals:

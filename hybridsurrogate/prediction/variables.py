@@ -66,17 +66,14 @@ def variables_of(posterior: Posterior, noise_prior: Prior) -> list[Variable]:
         if isinstance(effect, ParameterByExperiment)
     }
     out: list[Variable] = []
-    for k, (name, prior) in enumerate(model.parameters.items()):
-        if name in differing:
-            out += _by_experiment(posterior, differing[name], draws[k])
-        else:
-            out.append(_single(name, draws[k], prior))
-    first = model.n_parameters
-    for k, (owner, _) in enumerate(model.theta_names, start=first):
-        if owner not in differing.values() and model.effects[owner].is_learned:
-            out.append(_single(names[k], draws[k], model.all_priors[k]))
-    for k in range(model.n_unknowns, draws.shape[0]):
-        out.append(_single(names[k], draws[k], model.all_priors[k]))
+    # numbers of causes come between the parameters and what the surrogate has
+    owners = dict(enumerate((owner for owner, _ in model.theta_names), start=model.n_parameters))
+    for k, (values, prior) in enumerate(zip(draws, model.all_priors, strict=True)):
+        owner = owners.get(k)
+        if k < model.n_parameters and names[k] in differing:
+            out += _by_experiment(posterior, differing[names[k]], values)
+        elif owner is None or (owner not in differing.values() and model.effects[owner].is_learned):
+            out.append(_single(names[k], values, prior))
     rest = {name: values for name, values in named.items() if name not in names[: len(draws)]}
     for name, values in rest.items():
         if name.endswith("effect_coefficients"):

@@ -435,10 +435,8 @@ def neg_rmse_scorer(estimator: Any, X: ArrayLike, y: ArrayLike) -> float:
     predict = _method(estimator, "predict", "neg_rmse_scorer")
     values, there = _measured(estimator, y)
     predicted = np.asarray(predict(X))
-    pair = predicted, values
-    if predicted.shape == there.shape:
-        pair = predicted[there], values[there]
-    predicted, values = same_rows(dict(zip(("predict(X)", "y"), pair, strict=True)))
+    _check_rows("predict(X)", predicted, values)
+    predicted, values = same_rows({"predict(X)": predicted[there], "y": values[there]})
     return -float(np.sqrt(np.mean((predicted - values) ** 2)))
 
 

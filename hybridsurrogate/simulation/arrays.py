@@ -22,7 +22,6 @@ from hybridsurrogate.types import FloatArray
 
 # Monday is 1 and Sunday 7 (ISO 8601); January is 1
 WEEKDAY, WEEKEND, MONTH = "weekday of ", "weekend of ", "month of "
-_SATURDAY = 6
 
 
 def with_calendar(table: pd.DataFrame, dates: list[str]) -> pd.DataFrame:
@@ -42,7 +41,7 @@ def with_calendar(table: pd.DataFrame, dates: list[str]) -> pd.DataFrame:
         weekday = (days.day_of_week + 1).astype(float)
         labels = {
             WEEKDAY + name: weekday,
-            WEEKEND + name: (weekday >= _SATURDAY).astype(float),
+            WEEKEND + name: (days.day_of_week >= 5).astype(float),
             MONTH + name: days.month.astype(float),
         }
         table = table.drop(columns=name).assign(**labels)

@@ -327,9 +327,8 @@ def row_by_row(
         Rows that were called.
     """
     call = _by_position(function.call, function.names)
-    y = np.full((len(points), *function.several), np.nan)
     # a list takes a number in a third of the time of an array
-    found = [np.nan] * len(points)
+    found: list[Any] = [np.full(function.several, np.nan)] * len(points)
     error, n, limited, stop = None, len(points), seconds < np.inf, time.perf_counter() + seconds
     # Python's numbers: arithmetic with numpy's takes three times as long
     for row, own in enumerate(zip(*points.T.tolist(), strict=True)):
@@ -342,13 +341,9 @@ def row_by_row(
             # a simulation may fail in any way: the run is dropped, and the message is shown
             error = error or in_words(caught)
             continue
-        if isinstance(value, float | int) and not function.several:
-            found[row] = value
-        else:
-            y[row] = function.of_run(value, points[row, :1])[0]
-            if not function.several:
-                found[row] = float(y[row])
-    return y[:n] if function.several else np.array(found[:n], dtype=float), error, n
+        is_number = isinstance(value, float | int) and not function.several
+        found[row] = value if is_number else function.of_run(value, points[row, :1])[0]
+    return np.array(found[:n], dtype=float).reshape(n, *function.several), error, n
 
 
 def _by_position(function: Callable[..., Any], names: Sequence[str]) -> Callable[..., Any]:

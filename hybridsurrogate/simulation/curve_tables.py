@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from hybridsurrogate.arguments import described
 from hybridsurrogate.exceptions import DiagnosisWarning, FailedRunsWarning, did_you_mean
@@ -18,8 +18,8 @@ from hybridsurrogate.simulation.outputs import by_output
 from hybridsurrogate.simulation.table_file import DATE, RUN
 from hybridsurrogate.simulation.variables import as_matrix, select_columns
 
-# of a wide table
-_LEAST_PLACES, _NUMBER = 2, r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
+# of the places of a wide table
+_NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
 
 
 def curve_rows(
@@ -57,7 +57,13 @@ def curve_rows(
         return _of_long(omega, table, name, names, outputs)
     points = as_matrix(omega, "omega", tuple(names))
     if isinstance(table, pd.DataFrame) and isinstance(along, str):
-        along = {name: _labels(table)}
+        labels = [*_places(table, name, outputs[0]).values()]
+        along = {name: labels}
+        if len(labels) < table.shape[1]:
+            raise ValueError(
+                f"The columns of Y must be the places along a run, numbers, got "
+                f"{', '.join(map(str, table.columns[:5]))}. A long table has a column {RUN!r}."
+            )
     curves = as_numbers(table, "Y")
     several = len(outputs) > 1
     if curves.ndim != 2 + several or len(curves) != len(points):
@@ -98,7 +104,7 @@ def wide_along(table: pd.DataFrame, inputs: Iterable[str], outputs: Sequence[str
     missing = [name for name in inputs if name not in table.columns]
     if len(missing) != 1 or len(outputs) != 1 or outputs[0] in table.columns:
         return None
-    return missing[0] if len(_places(table, missing[0], outputs[0])) >= _LEAST_PLACES else None
+    return missing[0] if len(_places(table, missing[0], outputs[0])) > 1 else None
 
 
 def long_table(table: pd.DataFrame, inputs: Iterable[str], outputs: Sequence[str]) -> pd.DataFrame:
@@ -218,17 +224,6 @@ def name_of_curves(along: str | Mapping[str, ArrayLike]) -> str:
             f"{described(along)}."
         )
     return names[0]
-
-
-def _labels(table: pd.DataFrame) -> NDArray[Any]:
-    """Return the places that are the column labels of a wide table."""
-    try:
-        return np.array([float(label) for label in table.columns])
-    except (TypeError, ValueError):
-        raise ValueError(
-            f"The columns of Y must be the places along a run, numbers, got "
-            f"{', '.join(map(str, table.columns[:5]))}. A long table has a column {RUN!r}."
-        ) from None
 
 
 def _of_long(

@@ -464,15 +464,13 @@ class SimulationData:
         return f"SimulationData({describe(self._title(), *names, self.output)})"
 
     def _repr_html_(self) -> str:
-        ranges, constants = {**self.input_ranges, **self.parameter_ranges}, self.assumed
+        words = dict.fromkeys(self.input_names, "input")
+        words |= dict.fromkeys(self.parameter_names, "parameter")
+        words |= {name: f"assumed {one.value:.4g}" for name, one in self.assumed.items()}
+        ends = (*self.input_ranges.values(), *self.parameter_ranges.values())
         rows = [
             (name, word, f"{low:.4g} to {high:.4g}")
-            for word, names in (("input", self.input_names), ("parameter", self.parameter_names))
-            for name, (low, high) in ((name, ranges[name]) for name in names)
-        ]
-        rows += [
-            (name, f"assumed {constant.value:.4g}", "{:.4g} to {:.4g}".format(*ranges[name]))
-            for name, constant in constants.items()
+            for (name, word), (low, high) in zip(words.items(), ends, strict=True)
         ]
         rows += [(name, "output", "") for name in self.outputs]
         return table(rows, (self._title(), "", "simulated range"))
