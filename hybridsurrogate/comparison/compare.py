@@ -27,11 +27,15 @@ from hybridsurrogate.diagnosis.search.processes import at_best_noise
 from hybridsurrogate.diagnosis.search.search import Search
 from hybridsurrogate.diagnosis.search.setup import prepare, trained_emulator
 from hybridsurrogate.diagnosis.validation.cross_validation import in_parallel, random_folds
-from hybridsurrogate.diagnosis.validation.gain import Rows
 from hybridsurrogate.estimators.power_scaled import PowerScaledSurrogate
 from hybridsurrogate.exceptions import HybridSurrogateWarning
 from hybridsurrogate.likelihoods import as_likelihood
-from hybridsurrogate.model.rows.measured_data import check_outcomes, taken_out, without_gaps
+from hybridsurrogate.model.rows.measured_data import (
+    GivenRows,
+    check_outcomes,
+    taken_out,
+    without_gaps,
+)
 from hybridsurrogate.numerics.linear_algebra import one_blas_thread
 from hybridsurrogate.scoring.scores import paired_difference
 from hybridsurrogate.simulation.arrays import complete_table
@@ -65,7 +69,7 @@ _CONVERGED, _MOST_STEPS = 1e-10, 20_000
 
 def held_out_densities(
     estimators: Sequence[PowerScaledSurrogate],
-    rows: Rows,
+    rows: GivenRows,
     cv: int,
     random_state: np.random.RandomState,
     n_jobs: int | None = None,
@@ -76,7 +80,7 @@ def held_out_densities(
     ----------
     estimators : sequence of k PowerScaledSurrogate
         Not fitted.
-    rows : Rows
+    rows : GivenRows
         Measured.
     cv : int
         Folds, the same for all.
@@ -102,7 +106,7 @@ def held_out_densities(
     return out[np.isfinite(y)]
 
 
-def _densities(estimator: PowerScaledSurrogate, train: Rows, test: Rows) -> FloatArray:
+def _densities(estimator: PowerScaledSurrogate, train: GivenRows, test: GivenRows) -> FloatArray:
     with warnings.catch_warnings():
         # the fit to all rows has warned of the data, and held-out rows are beyond these
         warnings.simplefilter("ignore", HybridSurrogateWarning)
@@ -281,7 +285,7 @@ def compare_simulations(
     X = complete_table(X, labels=first.experiment)
     fitted = {name: clone(one).fit(X, y, y_err=y_err) for name, one in models.items()}
     one = next(iter(fitted.values()))
-    rows = Rows(X, one.measured_outputs(y), y_err=one.data_.y_err)
+    rows = GivenRows(X, one.measured_outputs(y), y_err=one.data_.y_err)
     unfitted = [clone(one) for one in models.values()]
     with one_blas_thread():
         evidence = np.array([log_evidence(one) for one in fitted.values()])

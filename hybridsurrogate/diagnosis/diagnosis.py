@@ -33,14 +33,19 @@ from hybridsurrogate.diagnosis.search.search import Search
 from hybridsurrogate.diagnosis.source.python_code import extended_model, python_source
 from hybridsurrogate.diagnosis.stored import restored, stored
 from hybridsurrogate.diagnosis.validation.beta_scan import BetaScans
-from hybridsurrogate.diagnosis.validation.gain import HeldOutGain, Rows, gain_on
+from hybridsurrogate.diagnosis.validation.gain import HeldOutGain, gain_on
 from hybridsurrogate.effects.base import Cause
 from hybridsurrogate.estimators.averaged import leading
 from hybridsurrogate.estimators.power_scaled import PowerScaledSurrogate
 from hybridsurrogate.exceptions import DiagnosisWarning
 from hybridsurrogate.inference.procedure import AtPriorEnd
 from hybridsurrogate.likelihoods import as_likelihood
-from hybridsurrogate.model.rows.measured_data import check_outcomes, taken_out, without_gaps
+from hybridsurrogate.model.rows.measured_data import (
+    GivenRows,
+    check_outcomes,
+    taken_out,
+    without_gaps,
+)
 from hybridsurrogate.numerics.atomic_file import check_writable, written_whole
 from hybridsurrogate.simulation.arrays import complete_table
 from hybridsurrogate.simulation.simulator import Simulator
@@ -244,7 +249,7 @@ class DiscrepancyDiagnosis(RegressorMixin, BaseEstimator):
     refinement_: pd.DataFrame
     monitor_: Monitor
     n_features_in_: int
-    _new: Rows
+    _new: GivenRows
 
     def __init__(
         self,
@@ -335,7 +340,7 @@ class DiscrepancyDiagnosis(RegressorMixin, BaseEstimator):
         check_outcomes(y, as_likelihood(getattr(self.estimator, "likelihood", "normal")))
         X, y_err = taken_out(X, y_err)
         check_consistent_length(X, y)
-        rows = Rows(*without_gaps(X, y, sample_weight, y_err))
+        rows = GivenRows(*without_gaps(X, y, sample_weight, y_err))
         rows = counted_rows(rows._replace(X=complete_table(rows.X, labels=labels)))
         check_usable_columns(rows.X, rows.y, getattr(self.estimator, "simulation", None))
         random = check_random_state(self.random_state)

@@ -1,6 +1,6 @@
 """Sufficient statistics of rows, the prior of their unknowns, the powers of likelihoods.
 
-And the posterior of a surrogate's coefficients given the simulation alone.
+The posterior of a surrogate's coefficients given the simulation alone follows from them.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """The outputs of rows: computed at the same time, timed, and kept in a table of bounded size.
 
-Each is stored when it ends; those that are stored are not made again.
+Each output is stored when its call ends; a call whose output is stored is not made again.
 """
 
 from __future__ import annotations

@@ -23,11 +23,10 @@ from sklearn.utils import check_consistent_length
 
 from hybridsurrogate.diagnosis.answers.experimental_design import rows_as_table
 from hybridsurrogate.diagnosis.search.search import Search
-from hybridsurrogate.diagnosis.validation.gain import Rows
 from hybridsurrogate.estimators.averaged import AveragedSurrogate
 from hybridsurrogate.estimators.power_scaled import PowerScaledSurrogate
 from hybridsurrogate.likelihoods import Likelihood, TransformedNormal
-from hybridsurrogate.model.rows.measured_data import new_errors, without_gaps
+from hybridsurrogate.model.rows.measured_data import GivenRows, new_errors, without_gaps
 from hybridsurrogate.numerics.linear_algebra import blocks
 from hybridsurrogate.simulation.arrays import as_numbers, complete_table
 from hybridsurrogate.types import FloatArray
@@ -96,8 +95,8 @@ class Monitor:
 def monitored(
     estimator: PowerScaledSurrogate | AveragedSurrogate,
     found: Search,
-    known: Rows,
-    new: Rows,
+    known: GivenRows,
+    new: GivenRows,
     false_alarm_rate: float,
 ) -> Monitor:
     """Return whether new measurements agree with a fitted estimator.
@@ -108,9 +107,9 @@ def monitored(
         Fitted. The weights of what is averaged follow the new measurements.
     found : Search
         Of the diagnosis.
-    known : Rows
+    known : GivenRows
         Measured data that the estimator was fitted to.
-    new : Rows
+    new : GivenRows
         Further ones, in the order in which they came.
     false_alarm_rate : float
     """
@@ -130,7 +129,7 @@ def monitored(
             break
         so_far = joined(known, new.take(slice(first)))
         kept = np.flatnonzero(shares > _LEAST_WEIGHT)
-        models = [clone(models[k]).fit(*so_far) for k in kept]
+        models = [clone(models[k]).fit(*so_far) for k in map(int, kept)]
         shares = shares[kept]
     passed = np.flatnonzero(odds >= limit)
     end = int(passed[0]) + 1 if len(passed) else len(odds)
@@ -149,8 +148,8 @@ def followed(
     X: ArrayLike,
     y: ArrayLike,
     y_err: Any,
-    earlier: Rows,
-) -> Rows:
+    earlier: GivenRows,
+) -> GivenRows:
     """Return new rows as the fitted models read them, after those that came earlier.
 
     Parameters
@@ -160,7 +159,7 @@ def followed(
     X, y : array-like of shape (n, n_columns), (n,) or (n, n_outputs)
     y_err : float, str, array-like of the shape of y, or None
         Of a fit with errors; None: their median.
-    earlier : Rows
+    earlier : GivenRows
         Without any where none came.
     """
     X, y_err = new_errors(X, y_err, before.data_)
@@ -174,10 +173,10 @@ def followed(
         y_err = np.broadcast_to(
             as_numbers(usual if y_err is None else y_err, "y_err"), values.shape
         )
-    return joined(earlier, Rows(X, values, None, y_err))
+    return joined(earlier, GivenRows(X, values, None, y_err))
 
 
-def joined(first: Rows, second: Rows) -> Rows:
+def joined(first: GivenRows, second: GivenRows) -> GivenRows:
     """Return the rows of two sets, one after the other, in the form of the first."""
     X = second.X
     if not isinstance(first.X, pd.DataFrame):
@@ -190,11 +189,11 @@ def joined(first: Rows, second: Rows) -> Rows:
     if weights is not None:
         weights = np.concatenate([weights, np.ones(len(second.y))])
     y_err = None if first.y_err is None else np.concatenate([first.y_err, second.y_err])
-    return Rows(X, np.concatenate([first.y, second.y]), weights, y_err)
+    return GivenRows(X, np.concatenate([first.y, second.y]), weights, y_err)
 
 
 def _deviations(
-    models: Sequence[PowerScaledSurrogate], shares: FloatArray, new: Rows
+    models: Sequence[PowerScaledSurrogate], shares: FloatArray, new: GivenRows
 ) -> tuple[FloatArray, int, FloatArray]:
     """Return the deviation of each measurement, and the rows after which the draws are used up.
 

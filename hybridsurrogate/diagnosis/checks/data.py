@@ -15,12 +15,11 @@ from hybridsurrogate.diagnosis.checks.simulation import EmulatorCheck
 from hybridsurrogate.diagnosis.search.candidate import Candidate
 from hybridsurrogate.diagnosis.search.context import BLUR, FLOOR
 from hybridsurrogate.diagnosis.search.search import Search, predict_locally
-from hybridsurrogate.diagnosis.validation.gain import Rows
 from hybridsurrogate.effects.noise.outliers import GrossError
 from hybridsurrogate.likelihoods import Likelihood
 from hybridsurrogate.model.posterior import Posterior
 from hybridsurrogate.model.problem import Problem
-from hybridsurrogate.model.rows.measured_data import check_weights
+from hybridsurrogate.model.rows.measured_data import GivenRows, check_weights
 from hybridsurrogate.model.statistics import emulator_posterior
 from hybridsurrogate.numerics.digits import listing, number
 from hybridsurrogate.priors import from_normal
@@ -28,7 +27,7 @@ from hybridsurrogate.simulation.outputs import OUTPUT
 from hybridsurrogate.types import FloatArray
 
 
-def counted_rows(rows: Rows) -> Rows:
+def counted_rows(rows: GivenRows) -> GivenRows:
     """Return the rows that have a weight, their weights (None: all one), and their errors.
 
     Raises

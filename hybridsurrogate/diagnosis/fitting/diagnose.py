@@ -48,7 +48,6 @@ from hybridsurrogate.diagnosis.validation.cross_validation import (
     folds_beyond,
     random_folds,
 )
-from hybridsurrogate.diagnosis.validation.gain import Rows
 from hybridsurrogate.diagnosis.validation.refit import (
     Refit,
     accepted,
@@ -61,6 +60,7 @@ from hybridsurrogate.estimators.emulation import as_given
 from hybridsurrogate.estimators.power_scaled import PowerScaledSurrogate, as_causes
 from hybridsurrogate.exceptions import ConfoundingWarning, DiagnosisWarning
 from hybridsurrogate.inference.procedure import AtPriorEnd, at_prior_ends
+from hybridsurrogate.model.rows.measured_data import GivenRows
 from hybridsurrogate.notebook import doing
 from hybridsurrogate.numerics.linear_algebra import one_blas_thread
 
@@ -91,7 +91,11 @@ def with_gain(
 
 
 def extend(
-    before: Any, steps: Sequence[SearchStep], conclusion: Conclusion, rows: Rows, n_jobs: int | None
+    before: Any,
+    steps: Sequence[SearchStep],
+    conclusion: Conclusion,
+    rows: GivenRows,
+    n_jobs: int | None,
 ) -> Extension:
     """Return the model after, with a `ConfoundingWarning` of what the data cannot separate.
 
@@ -101,7 +105,7 @@ def extend(
         Fitted.
     steps : sequence of SearchStep
     conclusion : Conclusion
-    rows : Rows
+    rows : GivenRows
         A copy of what was measured, for later scans over the weight.
     n_jobs : int or None
         For these scans.
@@ -171,7 +175,7 @@ class InterruptedDiagnosis(KeyboardInterrupt):
 
 def diagnose(
     estimator: PowerScaledSurrogate | None,
-    rows: Rows,
+    rows: GivenRows,
     settings: Settings,
     random: np.random.RandomState,
 ) -> DiagnosisResult:
@@ -183,7 +187,7 @@ def diagnose(
     ----------
     estimator : PowerScaledSurrogate
         Not fitted.
-    rows : Rows
+    rows : GivenRows
         Measured, without gaps; where a fit makes runs, processes share them.
     settings : Settings
     random : RandomState

@@ -19,10 +19,11 @@ from hybridsurrogate.diagnosis.search.forward_selection import SearchStep
 from hybridsurrogate.diagnosis.search.null_test import NullTest
 from hybridsurrogate.diagnosis.search.search import Search
 from hybridsurrogate.diagnosis.validation.beta_scan import BetaScans
-from hybridsurrogate.diagnosis.validation.gain import HeldOutGain, Rows
+from hybridsurrogate.diagnosis.validation.gain import HeldOutGain
 from hybridsurrogate.estimators.averaged import AveragedSurrogate
 from hybridsurrogate.estimators.power_scaled import PowerScaledSurrogate
 from hybridsurrogate.inference.procedure import AtPriorEnd
+from hybridsurrogate.model.rows.measured_data import GivenRows
 from hybridsurrogate.simulation.simulator import Simulator
 
 
@@ -124,7 +125,7 @@ class DiagnosisResult:
     ----------
     settings : Settings
         Of this fit.
-    rows : Rows
+    rows : GivenRows
         Measured, those without a measurement left out.
     fold_random : RandomState
         The state from which folds are drawn.
@@ -155,7 +156,7 @@ class DiagnosisResult:
     """
 
     settings: Settings
-    rows: Rows
+    rows: GivenRows
     fold_random: np.random.RandomState
     # Any: the class allows an estimator without a simulation, a diagnosis does not
     before: Any

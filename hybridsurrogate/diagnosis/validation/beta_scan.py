@@ -18,13 +18,13 @@ from hybridsurrogate.diagnosis.validation.cross_validation import (
     in_parallel,
     random_folds,
 )
-from hybridsurrogate.diagnosis.validation.gain import Rows, mean_and_error
+from hybridsurrogate.diagnosis.validation.gain import mean_and_error
 from hybridsurrogate.diagnosis.validation.refit import ALTERNATIVE_DRAWS
 from hybridsurrogate.estimators.beta_path import beta_path
 from hybridsurrogate.estimators.power_scaled import PowerScaledSurrogate
 from hybridsurrogate.exceptions import HybridSurrogateWarning
 from hybridsurrogate.inference.sampling.settings import SETTINGS
-from hybridsurrogate.model.rows.measured_data import without_gaps
+from hybridsurrogate.model.rows.measured_data import GivenRows, without_gaps
 from hybridsurrogate.scoring.scores import last_of_the_best
 from hybridsurrogate.simulation.arrays import as_numbers, complete_table
 from hybridsurrogate.types import FloatArray
@@ -43,7 +43,7 @@ class BetaScans:
     ----------
     models : pair of PowerScaledSurrogate
         Before and after, fitted.
-    rows : Rows
+    rows : GivenRows
         Measured.
     n_jobs : int or None
     known : dict
@@ -51,7 +51,7 @@ class BetaScans:
     """
 
     models: tuple[PowerScaledSurrogate, PowerScaledSurrogate]
-    rows: Rows
+    rows: GivenRows
     n_jobs: int | None
     known: dict[bool, pd.DataFrame | None] = field(default_factory=dict, repr=False, compare=False)
 
@@ -105,7 +105,7 @@ class BetaScans:
             None: 0, 0.1, ..., 1.
         progress : bool
         """
-        before, rows = self.models[0], self.rows if X is None else Rows(X, y)
+        before, rows = self.models[0], self.rows if X is None else GivenRows(X, y)
         grid = np.linspace(0, 1, 11) if betas is None else np.unique(as_numbers(betas, "betas"))
         X, y, *_ = without_gaps(rows.X, rows.y)
         X = complete_table(X, labels=before.experiment)
@@ -153,7 +153,7 @@ def scan_beta(
     models: Sequence[PowerScaledSurrogate],
     betas: FloatArray,
     folds: Folds,
-    rows: Rows,
+    rows: GivenRows,
     n_jobs: int | None,
     progress: bool = False,
 ) -> pd.DataFrame:
@@ -168,7 +168,7 @@ def scan_beta(
         Before and after, the cause held fixed.
     betas : ndarray
     folds : list of (train, test)
-    rows : Rows
+    rows : GivenRows
         Measured; weights count in the fits and in the means of their scores.
     n_jobs : int or None
         Folds at the same time, as in `joblib.Parallel`.
@@ -202,7 +202,7 @@ def scan_beta(
 
 
 def _scores_of_fold(
-    model: PowerScaledSurrogate, betas: FloatArray, train: Rows, test: Rows
+    model: PowerScaledSurrogate, betas: FloatArray, train: GivenRows, test: GivenRows
 ) -> FloatArray:
     """Return the log predictive density of held-out rows at each weight: (n_betas, n_held)."""
     draws = min(int(model.n_draws), ALTERNATIVE_DRAWS)

@@ -14,9 +14,10 @@ from numpy.random import RandomState
 from numpy.typing import NDArray
 from sklearn.model_selection import KFold
 
-from hybridsurrogate.diagnosis.validation.gain import Held, HeldOutGain, Rows, gain_over, pointwise
+from hybridsurrogate.diagnosis.validation.gain import Held, HeldOutGain, gain_over, pointwise
 from hybridsurrogate.diagnosis.validation.refit import Refit
 from hybridsurrogate.exceptions import DiagnosisWarning, HybridSurrogateWarning
+from hybridsurrogate.model.rows.measured_data import GivenRows
 from hybridsurrogate.notebook import for_a_person
 from hybridsurrogate.simulation.simulator import SimulationData, Simulator
 from hybridsurrogate.types import FloatArray
@@ -126,7 +127,7 @@ def cross_validated(
     refitted: Refit,
     within: Folds,
     beyond: Folds,
-    rows: Rows,
+    rows: GivenRows,
     n_jobs: int | None,
     progress: bool = False,
 ) -> tuple[HeldOutGain | None, HeldOutGain | None]:
@@ -137,7 +138,7 @@ def cross_validated(
     refitted : Refit
         Returns the models before and after for given rows, from a search on them.
     within, beyond : list of (train, test)
-    rows : Rows
+    rows : GivenRows
         Measured; weights count in the fits and in the means of their scores.
     n_jobs : int or None
         Folds at the same time, as in `joblib.Parallel`.
@@ -162,7 +163,7 @@ def cross_validated(
     return gain_over(inside) if inside else None, gain_over(outside) if outside else None
 
 
-def score_fold(refitted: Refit, train: Rows, test: Rows) -> tuple[Held, list[str]]:
+def score_fold(refitted: Refit, train: GivenRows, test: GivenRows) -> tuple[Held, list[str]]:
     """Return the scores of the models before and after on held-out rows, and doubtful fits.
 
     Its warnings are part of what it returns: those of another process would be lost.

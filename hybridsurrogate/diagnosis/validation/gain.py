@@ -9,7 +9,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
-from sklearn.utils import _safe_indexing
 
 from hybridsurrogate.notebook import table
 from hybridsurrogate.numerics import digits
@@ -154,27 +153,6 @@ class HeldOutGain:
                 )
             )
         return out
-
-
-class Rows(NamedTuple):
-    """Measured rows, with their weights and known errors where they have some.
-
-    Attributes
-    ----------
-    X, y : array-like of shape (n, n_columns), (n,) or (n, n_outputs)
-    weights : ndarray of shape (n,) or None
-    y_err : ndarray of the shape of y, or None
-    """
-
-    X: Any
-    y: Any
-    weights: FloatArray | None = None
-    y_err: Any = None
-
-    def take(self, some: Any) -> Rows:
-        """Return rows by their numbers or as a slice; what is none for each row stays."""
-        each: list[Any] = [*self]
-        return Rows(*(_safe_indexing(one, some) if np.ndim(one) else one for one in each))
 
 
 class Scores(NamedTuple):

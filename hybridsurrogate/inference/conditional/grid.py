@@ -1,7 +1,8 @@
 """A grid over one or two parameters, each draw of the coefficients with its own weights on it.
 
-Proposals that all draws share are too few there. Newton steps of all draws at once go from a start
-to the mode of each, and importance weights are given to some proposals around it.
+Where the posterior of each draw is narrow and at a different place, proposals that all draws share
+are too few: Newton steps of all draws at once go from a start to the mode of each, and importance
+weights are given to some proposals around it.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """Gram matrices of rows and draws, and features that are products of a part of each.
 
-Their Gram matrices follow from one product of the rows' parts, so that rows need not be formed for
+Gram matrices of such features follow from one product of the rows' parts: rows are not formed for
 each draw, and are not read again where all of them are products.
 """
 

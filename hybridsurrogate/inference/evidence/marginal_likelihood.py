@@ -1,16 +1,16 @@
 """The evidence of a cause at every node of its grid, given the measured rows.
 
-All rows enter by products of responses, slopes and columns: matrix products over all nodes and
-responses at once, and no array of responses times nodes times rows. A covariance of the rows,
-``sigma^2 I + V V'``, subtracts from each of them a product of what they have along V, so that
-several covariances along the same directions share all work over rows.
-
 Given the nodes of what is not a size (a period, a location) the linearised model has an evidence
 in closed form, for any number of responses at once.
 
 Sizes have a scale mixture as prior: the root mean square of the effect over the measured rows is
 spread evenly, on a logarithmic scale, between a fraction of the noise and several times the spread
 of the output, the same for every cause, so that no cause is favoured by the units of its size.
+
+All rows enter by products of responses, slopes and columns: matrix products over all nodes and
+responses at once, and no array of responses times nodes times rows. A covariance of the rows,
+``sigma^2 I + V V'``, subtracts from each of them a product of what they have along V, so that
+several covariances along the same directions share all work over rows.
 
 An optimisation enumerates its grid at every step. So a grid with more nodes than can be kept is
 looked at once, in pieces, around a fit without the cause, as a periodogram is; what follows has its

@@ -1,6 +1,7 @@
 """Ensembles of Markov chains: emcee over walkers, and one chain for each coefficient draw.
 
-For a measured world without a grid or a closed form. Chains start from a shared pool, drawn with
+One chain for each coefficient draw is for a measured world without a grid or a closed form. These
+start from a shared pool, drawn with
 weights by each chain's density. They move by differences between chains of the other half
 (differential evolution, Ter Braak 2006, Statistics and Computing 16:239). The halves take turns, so
 each update leaves the product of all conditional posteriors invariant.

@@ -513,3 +513,24 @@ def merged_rows(rows: SingleRows) -> DistinctRows:
     where = np.full(len(y), -1, dtype=np.intp)
     where[kept] = index.ravel()
     return DistinctRows(table[:, :-1], table[:, -1], total, where)
+
+
+class GivenRows(NamedTuple):
+    """Measured rows as a user gives them, with their weights and known errors where they have some.
+
+    Attributes
+    ----------
+    X, y : array-like of shape (n, n_columns), (n,) or (n, n_outputs)
+    weights : ndarray of shape (n,) or None
+    y_err : ndarray of the shape of y, or None
+    """
+
+    X: Any
+    y: Any
+    weights: FloatArray | None = None
+    y_err: Any = None
+
+    def take(self, some: Any) -> GivenRows:
+        """Return rows by their numbers or as a slice; what is none for each row stays."""
+        each: list[Any] = [*self]
+        return GivenRows(*(_safe_indexing(one, some) if np.ndim(one) else one for one in each))

@@ -1,13 +1,13 @@
 """The covariance of a simulation's outputs, learned from runs, and predictions given them.
 
-A stationary process has the same variance where a simulation is steep as where it is flat.
-Leave-one-out errors of the runs show the difference: near a steep end of a range they are several
-times what they should be.
-
 Outputs of two runs are as alike as the surrogate's terms make them, their prior variances times one
 learned share, plus a Matern 5/2 process over inputs and parameters, plus what differs from run to
 run. The most likely numbers are taken (Rasmussen and Williams 2006, section 5.4.1, equations 5.8
 and 5.9), the variance of the process in closed form.
+
+A stationary process has the same variance where a simulation is steep as where it is flat.
+Leave-one-out errors of the runs show the difference: near a steep end of a range they are several
+times what they should be.
 """
 
 from __future__ import annotations
