@@ -1,7 +1,7 @@
 """The one door for tables, arrays and numbers that a user gives: what holds none stops here.
 
-Of dates come weekday, weekend and month. The days themselves are no column: the simulation's input says when, and a second axis of time would
-share the probability of whatever changes in time.
+Of dates come weekday, weekend and month. The days themselves are no column: the simulation's input
+says when, and a second axis of time would share the probability of whatever changes in time.
 
 A frame of any library goes on as a pandas DataFrame, so that columns go by name from there on.
 """

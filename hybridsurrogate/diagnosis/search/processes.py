@@ -1,8 +1,8 @@
 """Causes given what none of them explains: a curve of any shape, noise that is shared.
 
-Of several outputs, a cause in one leaves less noise there. Fixed at what "nothing is wrong" needs, the noise of
-that output would hide it; so each cause has the ratios that are most probable with it. To first
-order what integrating over them would add is the same for all.
+Of several outputs, a cause in one leaves less noise there. Fixed at what "nothing is wrong" needs,
+the noise of that output would hide it; so each cause has the ratios that are most probable with it.
+To first order what integrating over them would add is the same for all.
 """
 
 from __future__ import annotations

@@ -5,9 +5,9 @@ surrogate and causes are Gaussian, so their draws are exact and independent (Ras
 2006, section 2.7).
 
 Rows that are fewer than the coefficients enter by their covariance: of each draw j there are
-``rows`` (n, p) of the coefficients, ``residual`` (n,) from their prior mean, and one noise variance.
-What is known of the coefficients before these rows comes as `FixedRows`, in whose coordinates they
-are independent.
+``rows`` (n, p) of the coefficients, ``residual`` (n,) from their prior mean, and one noise
+variance. What is known of the coefficients before these rows comes as `FixedRows`, in whose
+coordinates they are independent.
 """
 
 from __future__ import annotations

@@ -1,10 +1,9 @@
 """Proposals for densities that are far from normal: along one unknown, along bent ridges.
 
-A ridge: precise data may determine only a function of two unknowns, as the product of an amplitude and a
-gain. Only the priors distinguish them. The others then follow one of them on a curve m(s), a
-hundred thousand times as long as it is thick: a Gaussian leaves it after
-sqrt(thickness / curvature). With v = (s, others - m(s)), a map of unit Jacobian, it lies along an
-axis.
+A ridge: precise data may determine only a function of two unknowns, as the product of an amplitude
+and a gain. Only the priors distinguish them. The others then follow one of them on a curve m(s), a
+hundred thousand times as long as it is thick: a Gaussian leaves it after sqrt(thickness /
+curvature). With v = (s, others - m(s)), a map of unit Jacobian, it lies along an axis.
 
 Between two measured rows the place of a step changes nothing, so its posterior has plateaus of
 unequal height, which no Gaussian around a mode describes.
