@@ -108,7 +108,7 @@ def evidence_around(
     starts = starts[np.argsort(-value)[: SETTINGS.evidence_starts]]
     modes, minor, _ = _approximations(target, find_modes(target.search_density, starts, *steps))
     sampled = _importance(target, minor, SETTINGS.min_proposals, 1, random_state, modes)
-    return log_evidence_of(target, sampled)
+    return _log_evidence_of(target, sampled)
 
 
 def _modes(target: Target, starts: FloatArray) -> list[Gaussian]:
@@ -226,12 +226,12 @@ def of_importance(target: Target, sampled: ImportanceDraws, n_modes: int) -> Dia
         sampled.effective_draws,
         np.nan,
         n_modes,
-        log_evidence=log_evidence_of(target, sampled),
+        log_evidence=_log_evidence_of(target, sampled),
         log_evidence_error=sampled.log_evidence_error,
     )
 
 
-def log_evidence_of(target: Target, sampled: ImportanceDraws) -> float:
+def _log_evidence_of(target: Target, sampled: ImportanceDraws) -> float:
     """Return the log evidence of draws of a density, with the constants that densities leave out.
 
     These are of the standard normal coordinates z and, where they are drawn, v.

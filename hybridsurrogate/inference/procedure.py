@@ -154,7 +154,7 @@ def carried(
         step = carried_step(problem, powers, proposals, n_draws, n_proposals, random_state)
         if step is None:
             return None
-        return finish(problem, powers_used(problem, powers), step, random_state)
+        return _finish(problem, powers_used(problem, powers), step, random_state)
 
 
 def thinned(proposals: Proposals, n: int) -> Proposals:
@@ -231,7 +231,7 @@ def fit_problem(
             drawn = first_step(make_target(problem, *powers), sampler, n_draws, random_state)
         except NothingPossibleError as error:
             raise ValueError(f"{error}{_failure(problem)}") from None
-        return finish(problem, powers, drawn, random_state)
+        return _finish(problem, powers, drawn, random_state)
 
 
 def _failure(problem: Problem) -> str:
@@ -248,7 +248,7 @@ def powers_used(
     return powers if problem.runs is not None else (0.0, 1.0)
 
 
-def finish(
+def _finish(
     problem: Problem,
     powers: tuple[float, float | FloatArray],
     drawn: FirstStep,
@@ -302,7 +302,7 @@ def measured_draws(
     """Draw the unknowns of the measured rows given each coefficient draw."""
     if not problem.collapses:
         return moved_again(problem, u, c, a, random_state, FROM_NEAR)
-    return second_step(given_draws(problem, c), without_hyper(problem, u), random_state)
+    return second_step(given_draws(problem, c), _without_hyper(problem, u), random_state)
 
 
 def moved_again(
@@ -315,7 +315,7 @@ def moved_again(
 ) -> MeasuredDraws:
     """Draw the same by moves from u and a, which are draws of this posterior or of one near."""
     if problem.collapses:
-        start = without_hyper(problem, u)
+        start = _without_hyper(problem, u)
         return moved_step(given_draws(problem, c), start, random_state, effort)
     return conditional_draws(problem, u, c, a, random_state, effort)
 
@@ -326,6 +326,6 @@ def given_draws(problem: Problem, c: FloatArray) -> MeasuredGiven:
     return MeasuredGiven(*rows, c, problem.noise_prior, problem.scale)
 
 
-def without_hyper(problem: Problem, u: FloatArray) -> FloatArray:
+def _without_hyper(problem: Problem, u: FloatArray) -> FloatArray:
     """Return [z, log sigma] of unknowns [z, z_hyper, log sigma]."""
     return np.delete(u, np.s_[problem.model.n_unknowns : u.shape[1] - 1], axis=1)

@@ -235,7 +235,7 @@ SMALLEST, LARGEST = 3.0, 30.0
 _LOG_RANGE = float(np.log(LARGEST / SMALLEST))
 _ROOT = np.sqrt(2 * np.pi)
 # mean square of the scale of an outlier
-OUTLIER_VARIANCE = (LARGEST**2 - SMALLEST**2) / (2 * _LOG_RANGE)
+_OUTLIER_VARIANCE = (LARGEST**2 - SMALLEST**2) / (2 * _LOG_RANGE)
 # nearer to the middle the density is flat, and its formula 0 / 0
 _FLAT = 1e-2
 # so far off only the logarithm of the density is a number
@@ -314,7 +314,7 @@ class Contaminated(HeavyTailed, OfPlain):
 
     def variance(self, eta: FloatArray, sigma: FloatArray) -> FloatArray:
         """Return the variance, outliers included."""
-        factor = 1 + self.share * (OUTLIER_VARIANCE - 1)
+        factor = 1 + self.share * (_OUTLIER_VARIANCE - 1)
         return self.plain.variance(eta, sigma * np.sqrt(factor))
 
     def sample(

@@ -52,7 +52,7 @@ def pareto_smooth(log_weight: FloatArray) -> tuple[FloatArray, float]:
     excess = np.exp(out[tail]) - np.exp(cutoff)
     if excess[-1] <= 1e-12:
         return out, -np.inf
-    shape, scale = pareto_fit(np.maximum(excess, 1e-300))
+    shape, scale = _pareto_fit(np.maximum(excess, 1e-300))
     if np.isfinite(shape):
         probability = (np.arange(n_tail) + 0.5) / n_tail
         # of a tail this heavy the largest quantiles are no numbers
@@ -80,7 +80,7 @@ def level_smooth(log_weight: FloatArray) -> tuple[FloatArray, float]:
     return smoothed + np.max(known), khat
 
 
-def pareto_fit(excess: FloatArray) -> tuple[float, float]:
+def _pareto_fit(excess: FloatArray) -> tuple[float, float]:
     """Fit a generalised Pareto distribution to sorted positive values.
 
     Zhang and Stephens (2009, Technometrics 51:316), with the weak prior on the shape of Vehtari

@@ -51,7 +51,7 @@ class Mode(NamedTuple):
     z: FloatArray
 
 
-def find_mode(
+def _find_mode(
     residual: FloatArray,
     design: FloatArray,
     noise: FloatArray,
@@ -128,8 +128,8 @@ def log_evidence(
     share: FloatArray,
     log_prior: LogPrior,
 ) -> FloatArray:
-    """Return the log evidence of every node, (T,); arguments as in `find_mode`."""
-    mode = find_mode(residual, design, noise, share, log_prior)
+    """Return the log evidence of every node, (T,); arguments as in `_find_mode`."""
+    mode = _find_mode(residual, design, noise, share, log_prior)
     D = design / noise[..., None]
     transposed = np.swapaxes(D, 1, 2)
     z, sigma, k = mode.z, mode.sigma, design.shape[2]
@@ -166,13 +166,13 @@ def at_best_node(parts: Linearised, y: FloatArray, sigma: float) -> Linearised:
     if parts.outliers is None:
         return parts
     noise, share = _noise(parts), parts.outliers[:, None]
-    design = _design(parts, parts.H[..., :0], emulator_directions(parts.U, sigma))
-    mode = find_mode(y - parts.mean, design, noise, share, np.zeros_like)
+    design = _design(parts, parts.H[..., :0], _emulator_directions(parts.U, sigma))
+    mode = _find_mode(y - parts.mean, design, noise, share, np.zeros_like)
     factor = precision_at(mode.z, share) ** -0.5
     return replace(parts, noise=factor * noise, outliers=None)
 
 
-def emulator_directions(U: FloatArray, sigma: float) -> FloatArray:
+def _emulator_directions(U: FloatArray, sigma: float) -> FloatArray:
     """Return the directions (n, r) of a fixed covariance that are not small against sigma."""
     if not U.size:
         return U.reshape(len(U), 0)
@@ -205,7 +205,7 @@ def heavy_scan(
     Of ``sigma`` only the emulator's error needs a guess.
     """
     assert parts.outliers is not None
-    U, share = emulator_directions(parts.U, sigma), parts.outliers[:, None]
+    U, share = _emulator_directions(parts.U, sigma), parts.outliers[:, None]
     terms = []
     for size in sizes if parts.H.shape[2] else sizes[:1]:
         design = _design(parts, parts.H * np.minimum(size, parts.cap)[:, None, :], U)
@@ -231,9 +231,9 @@ def heavy_fit(
     assert parts.outliers is not None
     d, s, noise = parts.G.shape[2], len(grid.sizes), _noise(parts)
     scale = np.minimum(size, parts.cap)
-    design = _design(parts, parts.H * scale[:, None, :], emulator_directions(parts.U, sigma))
+    design = _design(parts, parts.H * scale[:, None, :], _emulator_directions(parts.U, sigma))
     residual, share = y - parts.mean, parts.outliers[:, None]
-    linear = find_mode(residual, design, noise, share, np.zeros_like)
+    linear = _find_mode(residual, design, noise, share, np.zeros_like)
     deviance = -2 * (linear.log_joint + parts.log_weight)
     deviance = np.where(np.isnan(deviance), np.inf, deviance)
     node = int(np.argmin(deviance))
@@ -245,7 +245,7 @@ def heavy_fit(
     free = np.setdiff1d(np.arange(design.shape[2]), kept)
     rest = residual[min(node, len(residual) - 1)] - design[at][:, kept] @ conditioned
     noise = noise[min(node, len(noise) - 1)][None]
-    here = find_mode(
+    here = _find_mode(
         rest[None], design[at][None, :, free], noise, share[node : node + 1], np.zeros_like
     )
     objective = -2 * float(here.log_joint[0]) + float(conditioned @ conditioned)

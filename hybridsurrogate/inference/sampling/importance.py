@@ -21,7 +21,7 @@ from hybridsurrogate.types import FloatArray
 # indices of points
 Cell = NDArray[np.intp]
 
-DEGREES_OF_FREEDOM = 5.0
+_DEGREES_OF_FREEDOM = 5.0
 PROPOSAL_SCALE = 1.1
 
 
@@ -38,11 +38,11 @@ def standard_student_draws(
 ) -> FloatArray:
     """Draw standard Student-t variables; the last axis of the shape holds those of one point."""
     normal = random_state.standard_normal(shape)
-    chi2 = random_state.chisquare(DEGREES_OF_FREEDOM, size=(*shape[:-1], 1)) / DEGREES_OF_FREEDOM
+    chi2 = random_state.chisquare(_DEGREES_OF_FREEDOM, size=(*shape[:-1], 1)) / _DEGREES_OF_FREEDOM
     return normal / np.sqrt(chi2)
 
 
-def student_log_density(approximations: Sequence[Gaussian], x: FloatArray) -> FloatArray:
+def _student_log_density(approximations: Sequence[Gaussian], x: FloatArray) -> FloatArray:
     """Return the log densities (K, J) of the proposals around K Gaussians at points (J, d)."""
     factors = PROPOSAL_SCALE * np.array([g.factor for g in approximations])
     means = np.array([g.mean for g in approximations])
@@ -54,7 +54,7 @@ def student_log_density(approximations: Sequence[Gaussian], x: FloatArray) -> Fl
 
 def standard_student(squares: FloatArray, d: int) -> FloatArray:
     """Return the log density of d standard Student-t variables at a squared distance from 0."""
-    nu = DEGREES_OF_FREEDOM
+    nu = _DEGREES_OF_FREEDOM
     return (
         special.gammaln((nu + d) / 2)
         - special.gammaln(nu / 2)
@@ -80,7 +80,7 @@ def mixture_points(
 
 def mixture_log_density(components: list[Gaussian], points: FloatArray) -> FloatArray:
     """Return the log density of that mixture at points (J, d)."""
-    terms = np.log(_shares(components))[:, None] + student_log_density(components, points)
+    terms = np.log(_shares(components))[:, None] + _student_log_density(components, points)
     out: FloatArray = np.logaddexp.reduce(terms, axis=0)
     return out
 
@@ -92,15 +92,15 @@ def _shares(components: list[Gaussian]) -> FloatArray:
     return share / share.sum()
 
 
-def cells_of(modes: Sequence[Gaussian], points: FloatArray) -> list[Cell]:
+def _cells_of(modes: Sequence[Gaussian], points: FloatArray) -> list[Cell]:
     """Return which points (J, d) are nearest to which mode; all are one cell without modes."""
     if len(modes) < 2:
         return [np.arange(len(points))]
-    nearest = student_log_density(modes, points).argmax(axis=0)
+    nearest = _student_log_density(modes, points).argmax(axis=0)
     return [np.flatnonzero(nearest == k) for k in range(len(modes))]
 
 
-def balanced(
+def _balanced(
     log_weight: FloatArray, cells: list[Cell], doubtful: NDArray[np.bool_], d: int
 ) -> FloatArray:
     """Return weights (J,) by which proposals are shaped, cell by cell.
@@ -169,7 +169,7 @@ def slices(points: FloatArray, weight: FloatArray, components: list[Gaussian]) -
 def _responsible(points: FloatArray, weight: FloatArray, components: list[Gaussian]) -> FloatArray:
     """Share the weights of points (J,) among components, (K, J)."""
     mass = np.array([g.log_mass for g in components])
-    log_terms = mass[:, None] + student_log_density(components, points)
+    log_terms = mass[:, None] + _student_log_density(components, points)
     return weight * np.exp(log_terms - np.logaddexp.reduce(log_terms, axis=0))
 
 
@@ -260,7 +260,7 @@ def importance_draws(
         mixed = _mixed(mixed, rounds, points, n_noise)
         log_proposal = mixed - np.log(len(rounds))
         log_weight = target - log_proposal
-        cells = cells_of(modes, shaped)
+        cells = _cells_of(modes, shaped)
         smoothed, khats = _smoothed_by_cell(log_weight, cells)
         khat = max(khats)
         weight = np.exp(smoothed - special.logsumexp(smoothed))
@@ -268,7 +268,7 @@ def importance_draws(
         enough = effective >= SETTINGS.enough_effective * n_proposals
         if (enough and khat <= good) or round_ == max_rounds - 1:
             break
-        shaping = balanced(smoothed, cells, np.asarray(khats) > good, shaped.shape[1])
+        shaping = _balanced(smoothed, cells, np.asarray(khats) > good, shaped.shape[1])
         components = matched(shaped, shaping, components)
         if len(components) <= SETTINGS.slices:
             components = [*components, *slices(shaped, shaping, components)]
@@ -276,7 +276,7 @@ def importance_draws(
             noise = points[:, -n_noise:]
             spread = np.sqrt(weight @ np.einsum("jk,jk->j", noise, noise) / n_noise)
             scale = float(np.clip(spread, 0.5, 2.0))
-    index = systematic_resample(weight, n_draws, random_state)
+    index = _systematic_resample(weight, n_draws, random_state)
     proposals = Proposals(points, log_proposal)
     return ImportanceDraws(points[index], khat, effective, *log_mean(log_weight), proposals)
 
@@ -344,7 +344,7 @@ def _noise_points(n: int, d: int, scale: float, random_state: np.random.RandomSt
     if not d:
         return np.empty((n, 0))
     points = random_state.standard_normal((n, d))
-    chi2 = random_state.chisquare(DEGREES_OF_FREEDOM, size=(n // 2, 1)) / DEGREES_OF_FREEDOM
+    chi2 = random_state.chisquare(_DEGREES_OF_FREEDOM, size=(n // 2, 1)) / _DEGREES_OF_FREEDOM
     points[: n // 2] /= np.sqrt(chi2)
     return scale * points
 
@@ -359,7 +359,7 @@ def _noise_log_density(squares: FloatArray, d: int, scale: float) -> FloatArray:
     return np.logaddexp(log_normal, log_student) - np.log(2) - d * np.log(scale)
 
 
-def systematic_resample(
+def _systematic_resample(
     weight: FloatArray, n: int, random_state: np.random.RandomState
 ) -> NDArray[np.intp]:
     """Return n indices with the given probabilities, in random order."""
@@ -410,7 +410,7 @@ def matched_draws(
         if new_khat < khat:
             proposals, log_weight, smoothed, khat = moved, new_weight, new_smoothed, new_khat
     weight = np.exp(smoothed - special.logsumexp(smoothed))
-    index = systematic_resample(weight, n_draws, random_state)
+    index = _systematic_resample(weight, n_draws, random_state)
     return ImportanceDraws(
         proposals.points[index],
         khat,
