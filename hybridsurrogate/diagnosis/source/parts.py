@@ -355,14 +355,13 @@ class SourceParts:
 
 def code_of(cause: Cause) -> Code | None:
     """Return the code of a cause; None for a user's, and where a subclass does something else."""
-    order = type(cause.inner).__mro__
-    places = {
-        name: next(k for k, one in enumerate(order) if name in vars(one))
-        for name in ("code", *_REWRITES)
-    }
-    if any(places[name] < places["code"] for name in _REWRITES):
-        return None
-    return cause.code()
+    for one in type(cause.inner).__mro__:
+        # the expression of a shape is its code
+        if not vars(one).keys().isdisjoint(("code", "expression")):
+            return cause.code()
+        if not vars(one).keys().isdisjoint(_REWRITES):
+            return None
+    return None
 
 
 def as_cause(change: Modification) -> Cause:
