@@ -49,7 +49,7 @@ from hybridsurrogate.simulation.arrays import as_numbers, as_table, check_size
 from hybridsurrogate.types import FloatArray
 
 
-def fitted_html(estimator: Any, draws: Sequence[tuple[str, Any, Posterior, Diagnostics]]) -> str:
+def _fitted_html(estimator: Any, draws: Sequence[tuple[str, Any, Posterior, Diagnostics]]) -> str:
     """Return what was fitted, and the quality of the draws, as HTML; nothing is computed.
 
     Parameters
@@ -552,7 +552,8 @@ class SurrogateEstimator(RegressorMixin, CheckedEstimator):
     def _repr_html_inner(self) -> str:
         # scikit-learn's diagram of the settings stands below what was fitted with them
         settings = str(super()._repr_html_inner())
-        return fitted_html(self, self._draws()) + settings if _is_fitted(self) else settings
+        is_fitted = "n_features_in_" in vars(self)
+        return _fitted_html(self, self._draws()) + settings if is_fitted else settings
 
     def _repr_mimebundle_(self, **kwargs: Any) -> dict[str, str]:
         out = {"text/plain": repr(self)}
@@ -565,10 +566,6 @@ class SurrogateEstimator(RegressorMixin, CheckedEstimator):
         # the score is a log density, not R^2
         tags.regressor_tags.poor_score = True
         return tags
-
-
-def _is_fitted(estimator: SurrogateEstimator) -> bool:
-    return "n_features_in_" in vars(estimator)
 
 
 def _spread_out(values: FloatArray, there: NDArray[np.bool_]) -> FloatArray:

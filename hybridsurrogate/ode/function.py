@@ -97,8 +97,8 @@ class OdeFunction:
         return str(getattr(self.rhs, "__name__", type(self.rhs).__name__))
 
     def __call__(self, **columns: FloatArray) -> FloatArray:
-        """Return the outputs."""
-        return self.outputs(columns)[0]
+        """Return the outputs, (n,) or (n, n_outputs)."""
+        return self.outputs(columns)[0].T
 
     def outputs(self, columns: StateColumns) -> tuple[FloatArray, str | None]:
         """Return the outputs (n,), NaN where a solution failed, and the first error's words.

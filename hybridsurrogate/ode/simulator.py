@@ -5,7 +5,7 @@ from __future__ import annotations
 import inspect
 import numbers
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -24,7 +24,7 @@ from hybridsurrogate.ode.function import OdeFunction
 from hybridsurrogate.ode.steps import chosen, sized, warn_if_too_long, with_step
 from hybridsurrogate.simulation.arrays import as_numbers, as_table
 from hybridsurrogate.simulation.calls import accepted_names
-from hybridsurrogate.simulation.evaluation import Running, evaluate
+from hybridsurrogate.simulation.evaluation import Running
 from hybridsurrogate.simulation.modification import Modification
 from hybridsurrogate.simulation.outputs import OUTPUT, by_output, output_names
 from hybridsurrogate.simulation.simulator import Simulator
@@ -374,11 +374,7 @@ class OdeSimulator(Simulator):
         if running is None or running.store is None:
             outputs, error = self.function.outputs(self._columns(X, omega))
             return outputs.T, error
-
-        def outputs_of(**columns: FloatArray) -> FloatArray:
-            return self.function.outputs(columns)[0].T
-
-        return evaluate(replace(self._called, call=outputs_of), X, omega, running)
+        return super()._evaluate(X, omega, running)
 
 
 class ObserveOne:
