@@ -115,7 +115,7 @@ def monitored(
     """
     parts: list[FloatArray] = []
     first, limit = 0, np.log(1 / false_alarm_rate)
-    models: Sequence[Any] = [estimator]
+    models: list[Any] = [estimator]
     shares: FloatArray = np.ones(1)
     if isinstance(estimator, AveragedSurrogate):
         models, shares = estimator.estimators_, estimator.weights_

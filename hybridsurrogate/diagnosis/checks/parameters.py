@@ -74,7 +74,7 @@ def checked_settings(
     progress: Any = False,
     text: str = "",
 ) -> Settings:
-    """Return what a fit is told; TypeError or ValueError, with a way out, for what cannot work."""
+    """Return the settings of a fit; TypeError or ValueError, with a way out, where they fail."""
     check_diagnosable(estimator)
     check_scalar(max_causes, "max_causes", Integral, min_val=1)
     if cv is not None:
