@@ -65,7 +65,7 @@ def best_modes(
             elif (end := nearby[k]) is None or cause.is_correlated_noise:
                 fits.append(_once(context, model, grid, null))
             else:
-                fits.append(_unchanged(context, model, grid, end, null))
+                fits.append(_unchanged(context, model, grid, end, null, None in nearby))
         # a first fit may have found a lower mode on too coarse a grid; where those in other rows
         # ended is nearly it, and what had a chance there has a finer grid already
         margin = SETTINGS.behind if is_coarse else SETTINGS.behind_nearby
@@ -91,14 +91,20 @@ def _followed(context: SearchContext, model: MeasuredModel, grid: Grid, null: Fi
 
 
 def _unchanged(
-    context: SearchContext, model: MeasuredModel, grid: Grid, other: Fitted, null: Fitted
+    context: SearchContext,
+    model: MeasuredModel,
+    grid: Grid,
+    other: Fitted,
+    null: Fitted,
+    anew: bool,
 ) -> Fitted:
     """Return the fit to other rows as one to these, on the grid refined there, not optimised.
 
-    Its nodes have the prior of these rows, which may span less. Causes that were accepted are fixed
-    where they are in these rows.
+    Causes that were accepted are fixed where they are in these rows. Where all causes are compared
+    (``anew``), nodes have the prior of these rows, which may span less.
     """
-    grid = with_cells(grid, other.grid.edges, other.grid.mass_under(model, other.model))
+    weight = other.grid.mass_under(model, other.model) if anew else other.grid.log_weight
+    grid = with_cells(grid, other.grid.edges, weight)
     if not np.isfinite(other.mode.objective):
         return Fitted(model, grid, other.mode, other.sigma)
     z, accepted = other.mode.z.copy(), slice(model.n_parameters, len(null.mode.z))
@@ -184,11 +190,6 @@ def _starts(model: MeasuredModel, grid: Grid, null: Fitted) -> list[FloatArray]:
     anew = start.copy()
     anew[: model.n_parameters] = 0.0
     return [start, anew]
-
-
-# of the span of other rows: folds within a range leave about as much, those beyond it an eighth
-# less at least
-_AS_WIDE = 0.9
 
 
 @dataclass(frozen=True)
@@ -291,16 +292,11 @@ class Search:
         same = [known.get(form(c), Candidate(c, none.fit, -np.inf)) for c in causes]
         return self.reweighed([none, *same])
 
-    def may_lead(self, problem: Problem) -> bool:
-        """Whether what is far behind in it need not be compared in other rows.
-
-        That is where it compared all their causes, and where they span about as much: what explains
-        rows at one end of a range best may be far behind in all of it.
-        """
+    @property
+    def may_lead(self) -> bool:
+        """Whether it compared all causes of other rows: what is far behind need not be there."""
         none = self.candidates[0].fit
-        has_all = all(w.fit is not none for w in self.candidates[1:])
-        spans = _AS_WIDE * np.ptp(self.problem.X, axis=0)
-        return has_all and bool(np.all(np.ptp(problem.X, axis=0) >= spans))
+        return all(w.fit is not none for w in self.candidates[1:])
 
     def reweighed(self, candidates: list[Candidate]) -> Search:
         """Return the search with other evidence for its candidates."""
@@ -333,7 +329,7 @@ def search(
         On an interrupt: it contains the search over the causes that were fitted by then.
     """
     null = context.best_null() if accepted is None else context.nothing_further(accepted.fit)
-    leads = nearby is not None and nearby.may_lead(context.problem)
+    leads = nearby is not None and nearby.may_lead
     compared = np.arange(len(causes))
     ends: list[Fitted | None] = [None] * len(causes)
     if nearby is not None:

@@ -69,21 +69,13 @@ def assert_as_from_scratch(near, anew):
     np.testing.assert_allclose(*evidence[:, probable], atol=0.1)
 
 
-def test_rows_that_span_less_have_their_own_priors_and_all_causes(at_one_end):
-    whole, context, causes = at_one_end
-    near, anew = search(context, causes, nearby=whole), search(context, causes)
-    assert_as_from_scratch(near, anew)
-    # what is far behind in all rows may explain those at one end
-    assert np.isfinite([w.log_evidence for w in near.candidates]).all()
-
-
 def test_where_all_rows_lack_a_cause_all_are_compared_from_where_the_others_ended(at_one_end):
     """Some of the rows may put a parameter at the end of its prior."""
     whole, context, causes = at_one_end
     lacking = whole.reweighed(
         [w for w in whole.candidates if w.cause is None or w.cause.kind != "bump"]
     ).over(context.problem.model, causes)
-    assert not lacking.may_lead(context.problem)
+    assert not lacking.may_lead
     near, anew = search(context, causes, nearby=lacking), search(context, causes)
     assert_as_from_scratch(near, anew)
     assert np.isfinite([w.log_evidence for w in near.candidates]).all()
