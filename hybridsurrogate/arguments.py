@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import inspect
 import numbers
 import os
 import pickle
@@ -441,3 +442,31 @@ def check_readable(path: Any) -> Path:
     if not os.access(file, os.R_OK):
         raise PermissionError(f"{str(file)!r} cannot be read: you may not read it.")
     return file
+
+
+def accepted_names(
+    function: Any, title: str, names: Sequence[str], n_positional: int = 0
+) -> tuple[str, ...]:
+    """Return those of the names that a function takes as arguments, after the positional ones.
+
+    What is no function takes none; TypeError for one that needs something else.
+    """
+    if not callable(function):
+        return ()
+    try:
+        arguments = list(inspect.signature(function).parameters.values())
+    except ValueError:  # some compiled functions have no signature
+        return tuple(names)
+    named = [
+        a for a in arguments[n_positional:] if a.kind in (a.POSITIONAL_OR_KEYWORD, a.KEYWORD_ONLY)
+    ]
+    absent = [a.name for a in named if a.default is a.empty and a.name not in names]
+    if absent:
+        raise TypeError(
+            f"{title} needs {', '.join(absent)}, which is no input, parameter or assumed constant "
+            f"({', '.join(names) or 'none'}): name it as one, or give it a default."
+            f"{did_you_mean(absent, names)}"
+        )
+    if any(a.kind == a.VAR_KEYWORD for a in arguments):
+        return tuple(names)
+    return tuple(name for name in names if name in {a.name for a in named})

@@ -13,6 +13,7 @@ import pandas as pd
 from numpy.typing import ArrayLike
 
 from hybridsurrogate.arguments import (
+    accepted_names,
     as_names,
     as_real,
     check_callable,
@@ -23,7 +24,6 @@ from hybridsurrogate.arguments import (
 from hybridsurrogate.ode.function import OdeFunction
 from hybridsurrogate.ode.steps import chosen, sized, warn_if_too_long, with_step
 from hybridsurrogate.simulation.arrays import as_numbers, as_table
-from hybridsurrogate.simulation.calls import accepted_names
 from hybridsurrogate.simulation.evaluation import Running
 from hybridsurrogate.simulation.modification import Modification
 from hybridsurrogate.simulation.outputs import OUTPUT, by_output, output_names

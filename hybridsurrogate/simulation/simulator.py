@@ -16,6 +16,7 @@ import pandas as pd
 from numpy.typing import ArrayLike, NDArray
 
 from hybridsurrogate.arguments import (
+    accepted_names,
     check_callable,
     check_choice,
     check_flag,
@@ -26,7 +27,7 @@ from hybridsurrogate.arguments import (
 from hybridsurrogate.exceptions import FailedRunsWarning, RowByRowWarning, did_you_mean
 from hybridsurrogate.priors import prior_range
 from hybridsurrogate.simulation.arrays import as_numbers, as_table
-from hybridsurrogate.simulation.calls import Function, TakesNumbersError, accepted_names
+from hybridsurrogate.simulation.calls import Function, TakesNumbersError
 from hybridsurrogate.simulation.design import draw_design, run_with_ends
 from hybridsurrogate.simulation.evaluation import OutputCache, Running, evaluate
 from hybridsurrogate.simulation.modification import Modification
