@@ -311,7 +311,7 @@ class MeasuredModel(CausesOnRows):
     ) -> tuple[FloatArray, FloatArray]:
         """Return known and features of the simulated output with what causes make of it."""
         if not self._touched and not self.basis.known_depends_on_hyper:
-            return self._unchanged(X, values, c)
+            return self._unchanged(X, values, c, moves)
         rows, omega, theta = self.rows(X, values)
         known, features = self._moved(X, values, c, rows, omega, theta, moves)
         if self._responds:
@@ -361,13 +361,19 @@ class MeasuredModel(CausesOnRows):
         return (known - output) / step
 
     def _unchanged(
-        self, X: FloatArray, values: FloatArray, c: FloatArray | None
+        self, X: FloatArray, values: FloatArray, c: FloatArray | None, moves: int
     ) -> tuple[FloatArray, FloatArray]:
         """Return known and features of all rows at the parameters of each draw."""
         inputs, omega = X[:, : self.n_inputs], self._omega(values)
         if c is None:
             return self.basis.outer(inputs, omega)
-        return self.basis.outer_output(inputs, omega, c), np.empty((len(omega), len(X), 0))
+        # nodes of a cause that leaves parameters alone ask for the same moves again and again
+        again = omega.reshape(-1, moves, omega.shape[1])
+        same = c.ndim == 1 and bool(np.all(again == again[0]))
+        output = self.basis.outer_output(inputs, omega[:moves] if same else omega, c)
+        if same:
+            output = np.tile(output, (len(again), 1))
+        return output, np.empty((len(omega), len(X), 0))
 
     def _moved(
         self,
@@ -382,7 +388,7 @@ class MeasuredModel(CausesOnRows):
         """Return known and features at the inputs and parameters that causes may have moved."""
         J, n, by_row = len(values), len(X), self.basis.known_depends_on_hyper
         if not by_row and not self.acts_on("inputs"):
-            return self._unchanged(X, values, c)
+            return self._unchanged(X, values, c, moves)
         inputs, points = self._places(rows, omega, theta)
         if c is not None and not by_row:
             if c.ndim == 2:
