@@ -18,13 +18,76 @@ from hybridsurrogate.arguments import check_flag, described
 from hybridsurrogate.estimators.base import SurrogateEstimator
 from hybridsurrogate.estimators.power_scaled import FitTask, PowerScaledSurrogate, prepared
 from hybridsurrogate.estimators.predictive_weighted import PredictiveWeightedSurrogate
-from hybridsurrogate.inference.procedure import carried
+from hybridsurrogate.inference.procedure import carried, thinned
+from hybridsurrogate.inference.sampling.importance import Proposals
+from hybridsurrogate.model.observation import MeasuredModel
 from hybridsurrogate.model.rows.measured_data import taken_out, without_gaps
 from hybridsurrogate.model.rows.stacking import as_several
 from hybridsurrogate.model.statistics import powers_of
 from hybridsurrogate.notebook import counted
+from hybridsurrogate.priors import to_normal
 from hybridsurrogate.simulation.arrays import as_numbers, as_outputs, complete_table
 from hybridsurrogate.types import FloatArray
+
+# proposals for each draw that a fit to other rows keeps: as many as a fit from scratch has
+_PROPOSALS_OF_MOST = 3
+
+
+def fitted_near(task: FitTask, known: PowerScaledSurrogate) -> PowerScaledSurrogate | None:
+    """Return an estimator fitted to rows by the proposals of its fit to most of them and more.
+
+    None where these do not serve. A mode that all rows together exclude gets no proposals, so this
+    is for scores of rows left out, not for a model that is kept.
+
+    Parameters
+    ----------
+    task : FitTask
+        The rows.
+    known : PowerScaledSurrogate
+        Fitted, with the same unknowns.
+    """
+    problem, n, whole = task.problem, int(task.estimator.n_draws), known.inference_
+    proposals = whole.proposals
+    if proposals is not None:
+        before = whole.first.model
+        # these rows may lack an experiment
+        if before.theta_names != problem.model.theta_names:
+            return None
+        proposals = thinned(proposals, _PROPOSALS_OF_MOST * n)
+        proposals = _under_other_priors(proposals, before, problem.model)
+    most = _PROPOSALS_OF_MOST * n
+    fit = carried(problem, task.powers, proposals, n, most, task.random_state())
+    if fit is None:
+        return None
+    fit.diagnostics.warn()
+    return task.fitted_by(fit)
+
+
+def _under_other_priors(
+    proposals: Proposals, before: MeasuredModel, model: MeasuredModel
+) -> Proposals:
+    """Return proposals of the same values, as standard normal coordinates under other priors.
+
+    Priors of causes follow the rows, and a period that is known to a ten thousandth of its prior
+    would be missed by far. With z' = Phi^-1(F'(v)) at v = F^-1(Phi(z)) the density q'(z') is
+    q(z) dz/dz', where dz'/dz = f'(v) phi(z) / (f(v) phi(z')). What the other priors exclude is left
+    out.
+    """
+    z = proposals.points[:, : model.n_unknowns]
+    values, log_slope = before.values(z), np.zeros(len(z))
+    points = proposals.points.copy()
+    for k in np.flatnonzero(np.any(values != model.values(z), axis=0)):
+        old, new, v = before.priors[k], model.priors[k], values[:, [k]]
+        points[:, [k]] = to_normal([new], v)
+        log_slope += new.logpdf(v)[:, 0] - old.logpdf(v)[:, 0]
+        log_slope += 0.5 * (points[:, k] ** 2 - z[:, k] ** 2)
+    if model.errors is not None and before.errors is not None:
+        # known errors are in units of their median, which follows the rows, too
+        at = model.n_unknowns + model.n_hyper
+        points[:, at] += np.log(model.errors.unit / before.errors.unit)
+    kept = np.isfinite(log_slope)
+    return Proposals(points[kept], (proposals.log_density - log_slope)[kept])
+
 
 # a fit has three: a path costs less
 _PROPOSALS_A_DRAW = 1.5
@@ -70,7 +133,7 @@ class BetaPath:
         return f"{len(self.betas)} betas from {self.n_refits} fits"
 
 
-def _check_model(model: SurrogateEstimator) -> None:
+def check_model(model: SurrogateEstimator) -> None:
     """Raise TypeError for what is no estimator."""
     if not isinstance(model, SurrogateEstimator):
         raise TypeError(
@@ -125,7 +188,7 @@ def beta_path(
     >>> path.score(case.X_in, case.y_in).shape
     (5,)
     """
-    _check_model(model)
+    check_model(model)
     progress = check_flag(progress, "progress")
     grid = as_numbers(betas, "betas")
     if grid.ndim != 1 or not len(grid) or not ((grid >= 0) & (grid <= 1)).all():
@@ -150,8 +213,7 @@ def _power_scaled_path(task: FitTask, grid: FloatArray, progress: bool) -> BetaP
     out: dict[int, Any] = {}
     refitted, khat = np.zeros(len(grid), dtype=bool), np.full(len(grid), np.nan)
     # from the middle outwards: there both sources speak, and the ends are its neighbours
-    outwards = np.argsort(np.abs(grid - 0.5), kind="stable").tolist()
-    for k in counted(outwards, "Weights beta", progress):
+    for k in counted(_outwards(grid), "Weights beta", progress):
         one = task.with_settings(beta=float(grid[k]))
         n, random = int(one.estimator.n_draws), one.random_state()
         source = _nearest(out, grid, k)
@@ -168,6 +230,11 @@ def _power_scaled_path(task: FitTask, grid: FloatArray, progress: bool) -> BetaP
         out[k] = one.fitted_by(fit)
         fit.diagnostics.warn()
     return BetaPath(grid, [out[k] for k in range(len(grid))], refitted, khat)
+
+
+def _outwards(grid: FloatArray) -> list[int]:
+    order = np.argsort(np.abs(grid - 0.5), kind="stable")
+    return [int(k) for k in order]
 
 
 def _nearest(out: dict[int, Any], grid: FloatArray, k: int) -> int | None:
@@ -253,7 +320,7 @@ def choose_beta(
     >>> choice.estimator.beta == choice.beta
     True
     """
-    _check_model(model)
+    check_model(model)
     shown = check_flag(progress, "progress")
     grid = np.linspace(0, 1, 21) if betas is None else np.atleast_1d(as_numbers(betas, "betas"))
     X, y_err = taken_out(X, y_err)

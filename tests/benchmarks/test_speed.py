@@ -3,10 +3,13 @@
 import numpy as np
 import pytest
 from scipy.stats import halfnorm, norm, uniform
+from sklearn.base import clone
 from sklearn.model_selection import GridSearchCV
 
 import hybridsurrogate as hs
 from hybridsurrogate.datasets import make_log_sin
+from hybridsurrogate.estimators.beta_path import fitted_near
+from hybridsurrogate.estimators.power_scaled import prepared
 from hybridsurrogate.surrogates.emulation import covariance
 from hybridsurrogate.surrogates.emulation.curve_emulator import emulate_curves
 
@@ -68,6 +71,28 @@ def test_one_fit_under_a_likelihood(benchmark, case, likelihood):
 def test_one_fit_of_a_surrogate(benchmark, case, surrogate):
     model = hs.PowerScaledSurrogate(case.simulation, surrogate=surrogate, beta=0.5, random_state=0)
     benchmark.pedantic(lambda: model.fit(case.X, case.y), rounds=3)
+
+
+@pytest.mark.benchmark(group="a fold of 1000 rows")
+@pytest.mark.parametrize("how", ["anew", "from the proposals of the whole"])
+def test_one_fit_of_a_fold(benchmark, how):
+    case = make_log_sin(n_measured=1000, random_state=0)
+    model = hs.PowerScaledSurrogate(
+        case.simulator,
+        surrogate=hs.ExactSurrogate(),
+        effects=[hs.Periodic("x")],
+        n_draws=400,
+        random_state=0,
+    )
+    rows = np.flatnonzero(np.arange(1000) % 5)
+    whole = clone(model).fit(case.X, case.y)
+    fits = {
+        "anew": lambda: clone(model).fit(case.X[rows], case.y[rows]),
+        "from the proposals of the whole": lambda: fitted_near(
+            prepared(model, case.X[rows], case.y[rows]), whole
+        ),
+    }
+    assert benchmark.pedantic(fits[how], rounds=5, warmup_rounds=1) is not None
 
 
 @pytest.mark.filterwarnings("ignore::hybridsurrogate.SamplingWarning")

@@ -48,7 +48,9 @@ from hybridsurrogate.diagnosis.validation.cross_validation import (
     folds_beyond,
     random_folds,
 )
+from hybridsurrogate.diagnosis.validation.gain import in_one_word
 from hybridsurrogate.diagnosis.validation.refit import (
+    Pair,
     Refit,
     accepted,
     extended_estimator,
@@ -81,7 +83,9 @@ def with_gain(
     """
     before, settings = result.before, result.settings
     X, y = before.measured_
-    refitted = Refit(clone(before), settings, searches(result.steps))
+    kinds = in_one_word([cause.kind for cause in result.extension.found_causes])
+    fitted = Pair(before, result.extension.estimator, kinds)
+    refitted = Refit(clone(before), settings, searches(result.steps), fitted)
     within = random_folds(len(y), cv, deepcopy(result.fold_random))
     beyond = folds_beyond(before.simulation, X)
     rows = result.rows._replace(y=y)

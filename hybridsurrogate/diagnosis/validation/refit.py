@@ -24,6 +24,7 @@ from hybridsurrogate.diagnosis.validation.gain import in_one_word
 from hybridsurrogate.effects.base import Cause
 from hybridsurrogate.effects.noise.outliers import GrossError, GrossRow
 from hybridsurrogate.estimators.averaged import AveragedSurrogate
+from hybridsurrogate.estimators.beta_path import fitted_near
 from hybridsurrogate.estimators.power_scaled import (
     FitTask,
     PowerScaledSurrogate,
@@ -124,11 +125,14 @@ class Refit:
     found : sequence of Search
         On all rows, the first one first: its emulator comes from the runs alone, which are the
         same in each fold, and optimisations start where theirs ended.
+    fitted : Pair
+        On all rows: fits of the same causes start from their proposals.
     """
 
     estimator: PowerScaledSurrogate
     settings: Settings
     found: Sequence[Search]
+    fitted: Pair
 
     def __call__(
         self,
@@ -140,7 +144,7 @@ class Refit:
         """Return the models before and after for these rows."""
         draws = min(int(self.estimator.n_draws), FOLD_DRAWS)
         task = prepared(clone(self.estimator).set_params(n_draws=draws), X, y, weights, y_err)
-        before = quickly_fitted(task)
+        before = quickly_fitted(task, self.fitted.before)
         settings = self.settings
         setup = prepare(before, settings.causes, settings.exclude, settings.max_causes)
         problem = with_basis(setup.problem, self.found[0].problem.model.basis)
@@ -159,24 +163,39 @@ class Refit:
         kind = in_one_word([step.chosen.kind for step in steps])
         if not accepted(steps):
             return Pair(before, before, kind)
-        found = accepted(steps)
+        found, elsewhere = accepted(steps), self._elsewhere()
         known = as_causes(self.estimator.effects)
 
         def fitted(causes: tuple[Cause, ...]) -> PowerScaledSurrogate:
             fit = quickly_fitted if causes == found else coarsely_fitted
-            return fit(task.with_effects((*known, *with_rows(causes, steps))))
+            extended = task.with_effects((*known, *with_rows(causes, steps)))
+            return fit(extended, elsewhere.get(_forms(causes)))
 
         return Pair(before, averaged_over(steps, before, fitted), kind)
 
+    def _elsewhere(self) -> dict[tuple[tuple[str, str], ...], PowerScaledSurrogate]:
+        """Return the extensions that were fitted to all rows, by the causes in them."""
+        after = self.fitted.after
+        models = after.estimators_ if isinstance(after, AveragedSurrogate) else []
+        return {_forms(added_causes(one, self.estimator)): one for one in models}
 
-def quickly_fitted(task: FitTask) -> PowerScaledSurrogate:
+
+def _forms(causes: Sequence[Cause]) -> tuple[tuple[str, str], ...]:
+    return tuple((cause.name, cause.variant) for cause in causes)
+
+
+def quickly_fitted(task: FitTask, near: PowerScaledSurrogate | None = None) -> PowerScaledSurrogate:
     """Fit by importance draws; by the ensemble only where these are not to be trusted.
 
     An ensemble that smooths trusted draws of several modes is worth its time in a model that is
-    kept, not in one of many folds.
+    kept, not in one of many folds. Its proposals are those of ``near``, fitted to all rows, if
+    these serve.
     """
     if task.estimator.sampler != "auto":
         return task.fit()
+    known = fitted_near(task, near) if near is not None else None
+    if known is not None:
+        return known
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", HybridSurrogateWarning)
         quick = task.with_settings(sampler="importance").fit()
@@ -186,7 +205,9 @@ def quickly_fitted(task: FitTask) -> PowerScaledSurrogate:
     return task.with_settings(sampler=EnsembleSampler(max_steps=FOLD_STEPS)).fit()
 
 
-def coarsely_fitted(task: FitTask) -> PowerScaledSurrogate:
+def coarsely_fitted(
+    task: FitTask, near: PowerScaledSurrogate | None = None
+) -> PowerScaledSurrogate:
     """Fit one of several models that are averaged by importance draws, trusted or not.
 
     Where these were not to be trusted, predictions beyond the data were 0.04 standard deviations
@@ -198,7 +219,8 @@ def coarsely_fitted(task: FitTask) -> PowerScaledSurrogate:
         n_draws=min(int(one.n_draws), ALTERNATIVE_DRAWS),
         sampler="importance" if one.sampler == "auto" else one.sampler,
     )
-    return task.fit()
+    known = fitted_near(task, near) if near is not None else None
+    return task.fit() if known is None else known
 
 
 def added_causes(extended: PowerScaledSurrogate, before: PowerScaledSurrogate) -> tuple[Cause, ...]:

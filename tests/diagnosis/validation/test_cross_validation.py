@@ -6,6 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from scipy.stats import norm
+from sklearn.base import clone
 
 import hybridsurrogate as hs
 from hybridsurrogate.diagnosis.search import context as fits
@@ -16,7 +17,9 @@ from hybridsurrogate.diagnosis.validation.cross_validation import (
     random_folds,
 )
 from hybridsurrogate.diagnosis.validation.gain import FoldGain, Held, gain_over, pointwise
-from hybridsurrogate.diagnosis.validation.refit import Refit
+from hybridsurrogate.diagnosis.validation.refit import Pair, Refit
+from hybridsurrogate.estimators.beta_path import fitted_near
+from hybridsurrogate.estimators.power_scaled import prepared
 
 
 def line(t, level, slope):
@@ -73,6 +76,82 @@ def test_order_along_the_only_input_or_in_time(simulator):
     assert len(folds_beyond(ode, X)) == 3
 
 
+def test_a_fold_is_fitted_from_the_proposals_of_the_whole(simulator):
+    t = np.linspace(0, 14, 60)
+    y = line(t, 1.0, 0.8) + 2 * (t > 7) + 0.5 * np.random.default_rng(0).standard_normal(60)
+    model = hs.PowerScaledSurrogate(
+        simulator,
+        surrogate=hs.ExactSurrogate(),
+        effects=[hs.Step("t")],
+        n_draws=4000,
+        random_state=0,
+    )
+    whole = clone(model).fit(t[:, None], y)
+    rows = np.flatnonzero(np.arange(60) % 5 != 2)
+    near = fitted_near(prepared(model, t[rows, None], y[rows]), whole)
+    anew = clone(model).fit(t[rows, None], y[rows])
+    n = min(one.diagnostics_.effective_draws for one in (near, anew))
+    # four errors of the difference of two means; of the sds likewise
+    limit = 4 * np.sqrt(2 / n)
+    distance = {"near": [], "whole": []}
+    for name in ("values", "sigma", "effect_coefficients"):
+        expected = getattr(anew.posterior_, name)
+        sd = expected.std(axis=0)
+        for word, one in (("near", near), ("whole", whole)):
+            found = getattr(one.posterior_, name)
+            off = np.abs(found.mean(axis=0) - expected.mean(axis=0)) / sd
+            distance[word].append(np.max(off))
+        np.testing.assert_allclose(
+            getattr(near.posterior_, name).std(axis=0), sd, rtol=6 / np.sqrt(n)
+        )
+    # to keep the draws of all rows would be noticed
+    assert max(distance["near"]) < limit < max(distance["whole"])
+    # what is true of other data serves nobody
+    assert fitted_near(prepared(model, t[rows, None], 5 - 3 * y[rows]), whole) is None
+
+
+@pytest.mark.parametrize("cause", [hs.Step("t"), hs.Ramp("t"), hs.Bump("t")])
+def test_proposals_that_a_fold_excludes_serve_nobody(simulator, cause):
+    # it begins later than all rows of the fold, whose prior of its place ends with them
+    t = np.linspace(0, 14, 60)
+    y = line(t, 1.0, 0.8) + 0.1 * np.random.default_rng(0).standard_normal(60)
+    y += 4 * np.exp(-5 * (t - 12) ** 2) if cause.kind == "bump" else 4 * np.maximum(t - 12, 0)
+    model = hs.PowerScaledSurrogate(
+        simulator, surrogate=hs.ExactSurrogate(), effects=[cause], n_draws=300, random_state=0
+    )
+    whole = clone(model).fit(t[:, None], y)
+    assert fitted_near(prepared(model, t[:30, None], y[:30]), whole) is None
+
+
+def test_a_fold_is_fitted_from_the_whole_where_priors_follow_the_rows(simulator):
+    # the prior of the period follows the rows, and the period is known to a fraction of it
+    t = np.linspace(0, 14, 60)
+    y = line(t, 1.0, 0.8) + 2 * np.sin(2 * np.pi * t / 2.9)
+    y += 0.02 * np.random.default_rng(0).standard_normal(60)
+    model = hs.PowerScaledSurrogate(
+        simulator,
+        surrogate=hs.ExactSurrogate(),
+        effects=[hs.Periodic("t")],
+        n_draws=1000,
+        random_state=0,
+    )
+    whole, rows = clone(model).fit(t[:, None], y), np.arange(50)
+    priors = [
+        one.posterior_.model.priors[-1].support()
+        for one in (whole, clone(model).fit(t[rows, None], y[rows]))
+    ]
+    assert priors[0] != priors[1]
+    near = fitted_near(prepared(model, t[rows, None], y[rows]), whole)
+    anew = clone(model).fit(t[rows, None], y[rows])
+    n = min(one.diagnostics_.effective_draws for one in (near, anew))
+    expected = anew.posterior_.values
+    sd = expected.std(axis=0)
+    # four errors of the difference of two means
+    off = np.abs(near.posterior_.values.mean(axis=0) - expected.mean(axis=0)) / sd
+    assert np.max(off) < 4 * np.sqrt(2 / n)
+    np.testing.assert_allclose(near.posterior_.values.std(axis=0), sd, rtol=6 / np.sqrt(n))
+
+
 @pytest.mark.slow
 def test_a_second_search_in_a_fold_starts_where_that_on_all_rows_ended(simulator, monkeypatch):
     rng = np.random.default_rng(0)
@@ -93,12 +172,13 @@ def test_a_second_search_in_a_fold_starts_where_that_on_all_rows_ended(simulator
 
     optimise = fits.optimise
     monkeypatch.setattr(fits, "optimise", counted)
+    pair = Pair(diagnosis.estimator_, diagnosis.extended_estimator_, "periodic + step")
     found = searches(diagnosis.result_.steps)
     assert len(found) >= 2
     told = []
     for known in (found[:1], found):
         climbs.append(0)
-        refitted = Refit(model, diagnosis.result_.settings, known)
+        refitted = Refit(model, diagnosis.result_.settings, known, pair)
         told.append(refitted(t[kept, None], y[kept]))
     alone, helped = told
     assert alone.kind == helped.kind == "periodic + step"
