@@ -461,12 +461,14 @@ def accepted_names(
         a for a in arguments[n_positional:] if a.kind in (a.POSITIONAL_OR_KEYWORD, a.KEYWORD_ONLY)
     ]
     absent = [a.name for a in named if a.default is a.empty and a.name not in names]
+    taken = {a.name for a in named}
     if absent:
+        misnamed = [name for name in names if name not in taken]
         raise TypeError(
             f"{title} needs {', '.join(absent)}, which is no input, parameter or assumed constant "
             f"({', '.join(names) or 'none'}): name it as one, or give it a default."
-            f"{did_you_mean(absent, names)}"
+            f"{did_you_mean(misnamed, absent)}"
         )
     if any(a.kind == a.VAR_KEYWORD for a in arguments):
         return tuple(names)
-    return tuple(name for name in names if name in {a.name for a in named})
+    return tuple(name for name in names if name in taken)

@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from hybridsurrogate.arguments import check_mapping, check_number, described
+from hybridsurrogate.arguments import check_choice, check_mapping, check_number, described
 from hybridsurrogate.exceptions import did_you_mean
 from hybridsurrogate.simulation.outputs import by_output, output_names
 from hybridsurrogate.simulation.simulator import Simulator
@@ -93,6 +93,7 @@ class CommandSimulator(Simulator):
             )
         ranges = check_ranges(inputs)
         unknown = named_fields(tuple(ranges), parameters, assumed)
+        check_choice(returns, "returns", ("values", "curve"))
         curve = next(iter(ranges)) if returns == "curve" else None
         outputs = output_names(output)
         if curve is not None and read is None and len(outputs) > 1:

@@ -56,16 +56,19 @@ def test_a_response_of_ones_own_is_its_function_and_slope():
 
 @pytest.mark.parametrize("surrogate", [hs.Kriging(), hs.PolynomialChaos(degree=3)])
 def test_a_limit_is_found_through_runs_alone(surrogate):
-    y = np.minimum(speed(T, 2.0), LIMIT) + NOISE
     # a rough emulator: what the runs leave open is no less than the noise
     runs = SMALL.run(12, random_state=0)
     model = hs.PowerScaledSurrogate(
         runs, surrogate=surrogate, effects=(hs.Limit(),), n_draws=300, random_state=0
-    ).fit(T[:, None], y)
-    posterior, X = model.posterior_, T[:, None]
-    limits = posterior.estimates(0)["limit"]
-    low, high = np.quantile(limits, [0.005, 0.995])
-    assert low < LIMIT < high
+    )
+    away = []
+    for random in map(np.random.default_rng, range(4)):
+        y = np.minimum(speed(T, 2.0), LIMIT) + np.std(NOISE) * random.standard_normal(len(T))
+        posterior, X = model.fit(T[:, None], y).posterior_, T[:, None]
+        limits = posterior.estimates(0)["limit"]
+        away.append((limits.mean() - LIMIT) / limits.std())
+    # together as far away as 99 % of such sets are: the tail of one is a single draw
+    assert abs(np.mean(away)) * np.sqrt(len(away)) < 2.58
     # no draw passes its own limit, wherever its emulator is
     assert np.all(posterior.eta(X)[0] <= limits[:, None] + 1e-9)
     # what the emulator leaves open is not seen beyond the limit, and all of it elsewhere

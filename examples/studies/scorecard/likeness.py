@@ -54,8 +54,8 @@ def distance(case: Case, diagnosis: hs.DiscrepancyDiagnosis) -> float:
         null = context.best_null()
         # curves alone are compared, not with "nothing is wrong"
         prior = np.append(-np.inf, np.zeros(len(mine)))
-        fits, _ = best_modes(context, mine, null, prior)
+        fits, _ = best_modes(context, mine, null, prior, [None] * len(mine), is_coarse=True)
         # what fitted the data so well that it was taken for the truth is a start, too
-        fits += best_modes(context, mine, null, prior, near)[0]
+        fits += best_modes(context, mine, null, prior, near, is_coarse=False)[0]
     squares = [fit.mode.squares for fit in fits if np.isfinite(fit.mode.objective)]
     return float(min(squares, default=np.inf) / case.truth["noise_sd"] ** 2)

@@ -134,9 +134,7 @@ def _one_after_the_other(
             # the p-value guards against noise, the probability against a cause that is no better
             by_chance = test is not None and test.p_value > false_alarm_rate
             if by_chance or result.probability[0] > 0.5:
-                if len(steps) == 1:  # alone the most probable cause counts
-                    steps = [replace(steps[0], chosen=_first_choice(steps[0].search))]
-                return steps or [SearchStep(result, test, result.candidates[0], result)]
+                return _alone(steps) or [SearchStep(result, test, result.candidates[0], result)]
             chosen, conditional = _first_choice(result), None
             tried: tuple[Search, ...] = ()
             if len(steps) + 1 < max_causes:
@@ -273,6 +271,13 @@ def _first_choice(result: Search) -> Candidate:
         if likely and w is not first and draw_the_same(result, first, w):
             return w
     return first
+
+
+def _alone(steps: list[SearchStep]) -> list[SearchStep]:
+    """Return the steps; a single one has the most probable cause, without a companion."""
+    if len(steps) != 1:
+        return steps
+    return [replace(steps[0], chosen=_first_choice(steps[0].search))]
 
 
 def _search_given(

@@ -93,7 +93,7 @@ def test_every_kind_is_compared():
 
 
 def test_half_of_them_are_within_015_nats(evidence):
-    assert np.median([abs(closed - sampled) for closed, sampled in evidence.values()]) < 0.15
+    assert np.mean([abs(closed - sampled) < 0.15 for closed, sampled in evidence.values()]) >= 0.5
 
 
 @pytest.mark.parametrize("name", HIDDEN)
