@@ -368,11 +368,11 @@ class MeasuredModel(CausesOnRows):
         if c is None:
             return self.basis.outer(inputs, omega)
         # nodes of a cause that leaves parameters alone ask for the same moves again and again
-        again = omega.reshape(-1, moves, omega.shape[1])
-        same = c.ndim == 1 and bool(np.all(again == again[0]))
-        output = self.basis.outer_output(inputs, omega[:moves] if same else omega, c)
-        if same:
-            output = np.tile(output, (len(again), 1))
+        times = len(omega) // moves
+        if c.ndim == 1 and np.array_equal(omega, np.tile(omega[:moves], (times, 1))):
+            output = np.tile(self.basis.outer_output(inputs, omega[:moves], c), (times, 1))
+        else:
+            output = self.basis.outer_output(inputs, omega, c)
         return output, np.empty((len(omega), len(X), 0))
 
     def _moved(

@@ -274,7 +274,7 @@ def _first_choice(result: Search) -> Candidate:
 
 
 def _alone(steps: list[SearchStep]) -> list[SearchStep]:
-    """Return the steps; a single one has the most probable cause, without a companion."""
+    """Return the steps; a single one has the most probable cause, without a second cause."""
     if len(steps) != 1:
         return steps
     return [replace(steps[0], chosen=_first_choice(steps[0].search))]
