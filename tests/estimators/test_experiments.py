@@ -90,6 +90,16 @@ def test_runs_alone_will_do():
     assert draws.std() < 0.1
 
 
+def test_few_draws_have_the_proposals_that_many_unknowns_need():
+    X, y, _ = batches(2, n=4)
+    runs = DECAY.run(100, random_state=0)
+    settings = {**EXACT, "surrogate": hs.PolynomialChaos(degree=5), **SPREAD}
+    few, many = (
+        hs.PowerScaledSurrogate(runs, **{**settings, "n_draws": n}).fit(X, y) for n in (300, 1000)
+    )
+    assert few.diagnostics_.second_khat < many.diagnostics_.second_khat + 0.25
+
+
 @pytest.mark.parametrize(
     "make",
     [

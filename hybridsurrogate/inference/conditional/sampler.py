@@ -291,7 +291,7 @@ def _weighted(
     n: int,
     random_state: np.random.RandomState,
 ) -> _Weighted:
-    """Weigh n proposals that all coefficient draws share, in rounds, until they suit these.
+    """Weigh n proposals that all coefficient draws share, then more, until they suit these.
 
     Parameters
     ----------
@@ -314,6 +314,8 @@ def _weighted(
         if enough or round_ == SETTINGS.conditional_rounds - 1:
             break
         components = [moment_match(points, share.mean(axis=1), first), *others]
+        # what a thousand do not serve, such as ten unknowns of experiments, has all of them
+        n = SETTINGS.conditional_proposals
     return _Weighted(u, log_density, log_proposal, share, khat, effective, enough)
 
 
