@@ -158,6 +158,9 @@ class MixturePart(NamedTuple):
     noise_prior: Prior
 
 
+_COLUMNS = ("name", "experiment", "cause", "mean", "sd", "q5", "q95", "ess", "khat", "source")
+
+
 def summary_of(parts: Sequence[MixturePart]) -> pd.DataFrame:
     """Return estimates by name: see ``summary`` of the estimators.
 
@@ -167,7 +170,8 @@ def summary_of(parts: Sequence[MixturePart]) -> pd.DataFrame:
     """
     tables = []
     for k, part in enumerate(parts):
-        table = pd.DataFrame(_rows(part))
+        # a count that is fitted without a simulation has no unknown with a name
+        table = pd.DataFrame(_rows(part), columns=_COLUMNS)
         if len(parts) > 1:
             table = table.assign(model=k, weight=part.weight)
         tables.append(table)

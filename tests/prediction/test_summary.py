@@ -148,3 +148,11 @@ def sensitivity(arviz, data):
     if arviz.__version__.startswith("0."):
         return float(arviz.psens(data, component="prior")["slope"])
     return float(arviz.psense_summary(data, var_names=["slope"]).loc["slope", "prior"])
+
+
+def test_counts_without_a_simulation_have_no_unknown_with_a_name():
+    X = np.linspace(0, 1, 20)[:, None]
+    model = hs.PowerScaledSurrogate(None, likelihood="poisson", n_draws=50, random_state=0)
+    table = model.fit(X, np.arange(20)).summary()
+    assert table.empty
+    assert {"mean", "q5", "q95", "khat"} <= {*table.columns}
