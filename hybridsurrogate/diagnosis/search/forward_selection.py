@@ -120,8 +120,7 @@ def _one_after_the_other(
         known = _nearby(context.problem.model, causes, nearby)
         known = known or _in_a_sample(context, causes)
         result = search(context, causes, nearby=known)
-        leading = _leading(known) if nearby else None
-        result = with_processes(result, thorough, leading)
+        result = with_processes(result, thorough, known if nearby else None)
         while True:
             screened, test = result, None
             if not steps:
@@ -253,11 +252,6 @@ def _nearby(
     return next((one for s in searches if (one := s.over(model, causes)) is not None), None)
 
 
-def _leading(nearby: Search | None) -> Search | None:
-    """Return a search in other rows where it may lead."""
-    return nearby if nearby is not None and nearby.may_lead else None
-
-
 def _first_choice(result: Search) -> Candidate:
     """Return the most probable cause; a prior that is too narrow before its like.
 
@@ -335,7 +329,7 @@ def _look_ahead(
         within = max(values.values(), default=-np.inf) - SETTINGS.behind
         if left and alone + _evidence_of_others(second) > within:
             known = _nearby(second.problem.model, _others(causes, first), nearby)
-            second = placed_together(result, first, second, _leading(known))
+            second = placed_together(result, first, second, known)
         made[k], values[k] = second, alone + _evidence_of_others(second)
         if not waiting:
             # the other half of the best pair has its turn as the first, until none is new
@@ -366,7 +360,7 @@ def _pairs_elsewhere(
     result: Search, causes: Sequence[Cause], named: Sequence[int], nearby: Sequence[Search]
 ) -> dict[int, float]:
     """Return what first causes explained with their second ones in other rows, of those tried."""
-    whole = _leading(_nearby(result.problem.model, causes, nearby))
+    whole = _nearby(result.problem.model, causes, nearby)
     if whole is None:
         return {}
     log_prior = np.log(prior_of(whole.candidates))

@@ -44,8 +44,8 @@ def best_modes(
 
     ``log_prior`` is that of "nothing is wrong" and of every cause. ``nearby`` are the modes of the
     same causes in other rows of the same data, None without one: they stand for that first
-    optimisation, and what is promising is followed from there alone, to the end where
-    ``is_coarse``. An `InterruptedSearch` contains the fits of the first so many causes.
+    optimisation and, unless ``is_coarse``, for all of it. An `InterruptedSearch` contains the fits
+    of the first so many causes.
 
     Returns
     -------
@@ -65,17 +65,17 @@ def best_modes(
             elif (end := nearby[k]) is None or cause.is_correlated_noise:
                 fits.append(_once(context, model, grid, null))
             else:
-                fits.append(_unchanged(context, model, grid, end, null, None in nearby))
-        # a first fit may have found a lower mode on too coarse a grid; where those in other rows
-        # ended is nearly it, and what had a chance there has a finer grid already
-        margin = SETTINGS.behind if is_coarse else SETTINGS.behind_nearby
-        behind = _far_behind(context, [null, *fits], log_prior, margin)
+                fits.append(_unchanged(model, grid, end, null, len(problem.y)))
+        behind = np.full(len(causes), np.nan)
+        if is_coarse:
+            # a first fit may have found a lower mode on too coarse a grid
+            behind = _far_behind(context, [null, *fits], log_prior)
         for k in map(int, np.flatnonzero(np.isnan(behind))):
             if causes[k].is_correlated_noise or is_followed(causes[k]):
                 continue
-            # where those in other rows ended the grid is fine already
-            rounds = None if is_coarse else SETTINGS.refinements_nearby
-            fits[k] = context.converge(fits[k], rounds)
+            # where those in other rows ended is nearly it, on a grid that is fine already
+            if is_coarse or nearby[k] is None:
+                fits[k] = context.converge(fits[k])
     except KeyboardInterrupt as stop:
         raise InterruptedSearch(fits) from stop
     return fits, behind
@@ -91,25 +91,19 @@ def _followed(context: SearchContext, model: MeasuredModel, grid: Grid, null: Fi
 
 
 def _unchanged(
-    context: SearchContext,
-    model: MeasuredModel,
-    grid: Grid,
-    other: Fitted,
-    null: Fitted,
-    anew: bool,
+    model: MeasuredModel, grid: Grid, other: Fitted, null: Fitted, n_rows: int
 ) -> Fitted:
     """Return the fit to other rows as one to these, on the grid refined there, not optimised.
 
-    Causes that were accepted are fixed where they are in these rows. Where all causes are compared
-    (``anew``), nodes have the prior of these rows, which may span less.
+    Its nodes have the prior of these rows, which may span less. Causes that were accepted are fixed
+    where they are in these rows.
     """
-    weight = other.grid.mass_under(model, other.model) if anew else other.grid.log_weight
-    grid = with_cells(grid, other.grid.edges, weight)
+    grid = with_cells(grid, other.grid.edges, other.grid.mass_under(model, other.model))
     if not np.isfinite(other.mode.objective):
         return Fitted(model, grid, other.mode, other.sigma)
     z, accepted = other.mode.z.copy(), slice(model.n_parameters, len(null.mode.z))
     z[accepted] = null.mode.z[accepted]
-    mode = LocalMode(z, len(context.problem.y) * other.sigma**2, 0.0, 0)
+    mode = LocalMode(z, n_rows * other.sigma**2, 0.0, 0)
     return Fitted(model, grid, mode, other.sigma)
 
 
@@ -137,11 +131,9 @@ def _once(context: SearchContext, model: MeasuredModel, grid: Grid, null: Fitted
 
 
 def _far_behind(
-    context: SearchContext, fits: Sequence[Fitted], log_prior: FloatArray, margin: float
+    context: SearchContext, fits: Sequence[Fitted], log_prior: FloatArray
 ) -> FloatArray:
     """Return the log evidence of causes that are far behind; NaN for the others, failed or not.
-
-    By more than ``margin``, in nats with the prior odds.
 
     The first of the fits is that of "nothing is wrong". The stronger the data, the more a grid
     misses between its nodes: what a finer one reaches counts, too.
@@ -153,13 +145,13 @@ def _far_behind(
     # could not be followed at all gets its other starting points, too
     of_any_shape = [any(e.kind == "unexplained" for e in fit.model.effects[-1:]) for fit in fits]
     weight = np.where(np.isfinite(reached), reached + log_prior, -np.inf)
-    enough = np.max(weight[~np.array(of_any_shape)], initial=-np.inf) - margin
+    enough = np.max(weight[~np.array(of_any_shape)], initial=-np.inf) - SETTINGS.behind
     behind = weight < enough
     for k in map(int, np.flatnonzero(behind & np.isfinite(reached))):
         if len(fits[k].grid.nodes):
             missed = _between_nodes(context, fits[k], scans[k], sizes)
             # what gains so much without an optimisation may gain as much again by one
-            behind[k] = weight[k] + missed < enough and missed < margin
+            behind[k] = weight[k] + missed < enough and missed < SETTINGS.behind
     return np.where(behind & np.isfinite(reached), reached, np.nan)[1:]
 
 
@@ -292,12 +284,6 @@ class Search:
         same = [known.get(form(c), Candidate(c, none.fit, -np.inf)) for c in causes]
         return self.reweighed([none, *same])
 
-    @property
-    def may_lead(self) -> bool:
-        """Whether it compared all causes of other rows: what is far behind need not be there."""
-        none = self.candidates[0].fit
-        return all(w.fit is not none for w in self.candidates[1:])
-
     def reweighed(self, candidates: list[Candidate]) -> Search:
         """Return the search with other evidence for its candidates."""
         return Search.of(self.context, candidates, self.sizes)
@@ -329,19 +315,19 @@ def search(
         On an interrupt: it contains the search over the causes that were fitted by then.
     """
     null = context.best_null() if accepted is None else context.nothing_further(accepted.fit)
-    leads = nearby is not None and nearby.may_lead
     compared = np.arange(len(causes))
     ends: list[Fitted | None] = [None] * len(causes)
     if nearby is not None:
-        compared = _within_reach(nearby, causes) if leads else compared
-        ends = _ends(nearby, leads)
+        none = nearby.candidates[0].fit
+        ends = [None if w.fit is none else w.fit for w in nearby.candidates[1:]]
+        compared = _within_reach(nearby, causes, ends)
     some = [causes[int(k)] for k in compared]
     log_prior = np.log(prior_odds([None, *causes]))[[0, *(1 + compared)]]
     fits: Sequence[Fitted] = []
     is_sample = nearby is not None and len(nearby.problem.y) < len(context.problem.y)
     try:
         near = [ends[k] for k in compared]
-        is_coarse = is_sample or not leads
+        is_coarse = is_sample or nearby is None
         fits, behind = best_modes(context, some, null, log_prior, near, is_coarse)
     except KeyboardInterrupt as stop:
         kept = [null, *(stop.kept if isinstance(stop, InterruptedSearch) else fits)]
@@ -369,26 +355,24 @@ def _estimated(result: Search, sample: Search) -> Search:
     )
 
 
-def _within_reach(nearby: Search, causes: Sequence[Cause]) -> NDArray[np.intp]:
+def _within_reach(
+    nearby: Search, causes: Sequence[Cause], ends: Sequence[Fitted | None]
+) -> NDArray[np.intp]:
     """Return the causes that may explain some of the rows best, given a search in all of them.
 
-    Processes are always compared: what has no other explanation in few rows is theirs.
+    Processes are always compared, as what has no other explanation in few rows is theirs, and what
+    was not compared in all rows (``ends`` None).
     """
     with np.errstate(divide="ignore"):
         log_share = np.log(nearby.probability[1:])
     best = np.max(log_share, initial=-np.inf)
-    always = np.array([cause.is_process or cause.is_correlated_noise for cause in causes])
+    always = np.array(
+        [
+            cause.is_process or cause.is_correlated_noise or end is None
+            for cause, end in zip(causes, ends, strict=True)
+        ]
+    )
     return np.flatnonzero(always | (log_share > best - SETTINGS.behind))
-
-
-def _ends(nearby: Search, leads: bool) -> list[Fitted | None]:
-    """Return where causes ended in other rows, None for those that are fitted anew.
-
-    That is, unless it leads, one that was not compared, and one whose grid lost cells: fewer rows
-    may have their evidence there.
-    """
-    none, ends = nearby.candidates[0].fit, [w.fit for w in nearby.candidates[1:]]
-    return [None if not leads and (end is none or end.grid.is_pruned) else end for end in ends]
 
 
 def _compare(

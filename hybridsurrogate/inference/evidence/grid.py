@@ -64,11 +64,6 @@ class Grid:
         neutral = self.neutral[self.sizes]
         return bool(np.all(z[self.sizes] == neutral) and np.all(np.abs(neutral) < _FARTHEST))
 
-    @property
-    def is_pruned(self) -> bool:
-        """Whether it lost cells with more than a hundredth of the prior."""
-        return bool(np.logaddexp.reduce(self.log_weight) < np.log(0.99))
-
     def mass_under(self, model: MeasuredModel, own: MeasuredModel) -> FloatArray:
         """Return the log prior mass (T,) of its nodes under the priors of another model."""
         there, here = (_log_mass(one, self, self.edges) for one in (model, own))

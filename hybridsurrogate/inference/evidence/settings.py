@@ -27,12 +27,11 @@ class SearchSettings:
     lengths_with_process : int
         Groups of neighbouring lengths of a process, each of one evidence, where it is compared
         with another process in addition: 24 of 94 change its evidence by 0.02.
-    behind, behind_nearby : float
-        A cause so far behind the best one, prior odds included, is not refined: after a first
-        optimisation, or from where that in other rows ended. A pair so far behind the best pair
-        gets no joint refit. What is so far behind in all rows is not compared in some of them: with
-        four nats for pairs, or without those not tried in all rows, 2 of 9 cases chose otherwise
-        beyond the data, both worse.
+    behind : float
+        A cause so far behind the best one, prior odds included, is not refined after a first
+        optimisation. A pair so far behind the best pair gets no joint refit. What is so far behind
+        in all rows is not compared in some of them: with four nats for pairs, or without those not
+        tried in all rows, 2 of 9 cases chose otherwise beyond the data, both worse.
     exact_fit : float
         A fit this many times closer than without the cause is as good as exact.
     displaced : float
@@ -46,10 +45,9 @@ class SearchSettings:
         at effects of eight times the noise.
     converged_noise : float
         Noise that a further optimisation lowers by less than this share has converged.
-    max_refinements, refinements_nearby, fruitless_refinements, same_evidence : int, int, int, float
-        Refinements of a grid at most, and from where that in other rows ended; how many in a row
-        may gain no more than the last number: a wave in measurements that are precise to a
-        millionth needs all of them.
+    max_refinements, fruitless_refinements, same_evidence : int, int, float
+        Refinements of a grid at most; how many in a row may gain no more than the last number: a
+        wave in measurements that are precise to a millionth needs all of them.
     nodes_enough, cell_pruned, most_split : int, float, int
         A grid is fine enough with so many nodes an axis within two nats of the best; cells so far
         behind are never split; cells split at a time.
@@ -109,7 +107,6 @@ class SearchSettings:
     given_noise: int = 8
     lengths_with_process: int = 24
     behind: float = 12.0
-    behind_nearby: float = 4.0
     exact_fit: float = 1e-3
     displaced: float = 2.0
     looked_between: int = 8
@@ -117,7 +114,6 @@ class SearchSettings:
     much_closer: float = 0.5
     converged_noise: float = 0.1
     max_refinements: int = 12
-    refinements_nearby: int = 3
     fruitless_refinements: int = 4
     same_evidence: float = 1e-3
     nodes_enough: int = 4
