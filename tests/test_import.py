@@ -2,12 +2,16 @@
 
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
 import hybridsurrogate as hs
 
-LATER = ("emcee", "matplotlib", "arviz", "sklearn.linear_model", "hybridsurrogate.diagnosis")
+ROOMS = "datasets", "diagnosis", "plotting", "scoring"
+# a fit and a diagnosis need none of these
+LATER = ("emcee", "matplotlib", "arviz", "sklearn.linear_model", "sklearn.neural_network")
+MISSPELT = "diagnoses"
 
 
 def output_of(source: str) -> str:
@@ -16,22 +20,70 @@ def output_of(source: str) -> str:
     return done.stdout.strip()
 
 
-def test_what_a_fit_does_not_need_is_loaded_later_and_rooms_are_attributes():
-    rooms = "datasets", "diagnosis", "plotting", "scoring"
+@pytest.mark.parametrize(
+    ("command", "later"),
+    [
+        # numpy stands for all that needs it: scipy, scikit-learn, pandas
+        ("import hybridsurrogate", ("numpy", "hybridsurrogate.exceptions")),
+        (
+            "from hybridsurrogate.command_line.main import make_parser; make_parser([])",
+            ("numpy", "hybridsurrogate.effects"),
+        ),
+        ("from hybridsurrogate import SolverWarning", ("numpy",)),
+        ("import hybridsurrogate as hs; hs.Simulator", ("hybridsurrogate.estimators",)),
+        (
+            "from hybridsurrogate import PowerScaledSurrogate",
+            (*LATER, "sklearn.metrics", "hybridsurrogate.diagnosis"),
+        ),
+        ("from hybridsurrogate import DiscrepancyDiagnosis", LATER),
+    ],
+)
+def test_what_is_not_needed_is_loaded_later(command, later):
+    loaded = f"import sys\n{command}\nprint(*({{*{later}}} & sys.modules.keys()))"
+    assert output_of(loaded) == ""
+
+
+@pytest.mark.slow
+def test_any_room_may_be_imported_first():
+    """Which one a user's first name imports first is open: no room needs another before it."""
+    root = Path(hs.__file__).parent
+    folders = [path.parent.relative_to(root).parts for path in root.rglob("__init__.py")]
+    names = [".".join([root.name, *parts]) for parts in folders]
     source = (
-        "import hybridsurrogate as hs, sys\n"
-        f"print(*({{*{LATER}}} & sys.modules.keys()), 'loaded')\n"
-        f"print(*(getattr(hs, room).__name__ for room in {rooms}))"
+        "import sys\nfrom importlib import import_module\n"
+        f"for name in {names}:\n"
+        "    for known in [one for one in sys.modules if one.startswith('hybridsurrogate')]:\n"
+        "        del sys.modules[known]\n"
+        "    import_module(name)\nprint(name)"
     )
-    loaded, found = output_of(source).splitlines()
-    assert loaded == "loaded"
-    assert found.split() == [f"hybridsurrogate.{room}" for room in rooms]
+    assert output_of(source) == names[-1]
+
+
+def test_rooms_are_attributes():
+    source = (
+        f"import hybridsurrogate as hs\nprint(*(getattr(hs, room).__name__ for room in {ROOMS}))"
+    )
+    assert output_of(source).split() == [f"hybridsurrogate.{room}" for room in ROOMS]
+
+
+def test_a_star_imports_all_that_is_listed():
+    source = "from hybridsurrogate import *\nprint(*globals())"
+    assert {*hs.__all__} <= {*output_of(source).split()}
 
 
 def test_all_that_is_listed_is_there():
-    assert {*hs.__all__} <= {*dir(hs)}
+    assert {*hs.__all__, *ROOMS} <= {*dir(hs)}
     for name in hs.__all__:
         getattr(hs, name)
-    unknown = "diagnoses"
-    with pytest.raises(AttributeError, match="no attribute 'diagnoses'"):
-        getattr(hs, unknown)
+    with pytest.raises(AttributeError, match="no attribute 'diagnoses'") as raised:
+        getattr(hs, MISSPELT)
+    # of these Python takes what it suggests
+    assert (raised.value.name, raised.value.obj) == (MISSPELT, hs)
+    with pytest.raises(ImportError, match="cannot import name 'diagnoses'"):
+        from hybridsurrogate import diagnoses  # noqa: F401
+
+
+def test_python_suggests_a_name_that_is_near():
+    source = "import hybridsurrogate as hs\nhs.Simulatr"
+    done = subprocess.run([sys.executable, "-c", source], capture_output=True, text=True)
+    assert "has no attribute 'Simulatr'. Did you mean: 'Simulator'?" in done.stderr

@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
+from importlib import import_module
 
-from hybridsurrogate.command_line.comparisons import compare
-from hybridsurrogate.command_line.diagnoses import demo, diagnose, next_runs, report
-from hybridsurrogate.command_line.fits import choose_beta, fit, predict
 from hybridsurrogate.command_line.options import (
     BETA_SCAN,
     CONFIG,
@@ -26,9 +24,9 @@ from hybridsurrogate.command_line.options import (
     SEARCH,
     SEED,
     SIMULATIONS,
+    STDOUT,
     Option,
 )
-from hybridsurrogate.datasets.demonstrations import DEFAULT, DEMONSTRATIONS
 
 _JSON = OUTCOME[0]
 _SAVED = Option(
@@ -40,7 +38,7 @@ _SAVED = Option(
     required=True,
     in_file=False,
 )
-_TABLE = Option("table", "path", "csv file to write; - prints it", "-", "FILE", in_file=False)
+_TABLE = Option("table", "path", "csv file to write; - prints it", STDOUT, "FILE", in_file=False)
 
 
 @dataclass(frozen=True)
@@ -55,8 +53,8 @@ class Subcommand:
     description : str
         Sentences for its help.
     options : tuple of Option
-    run : callable
-        Takes a value for each option by name, and returns the exit code.
+    place : str
+        File and name of its function, which is imported when it runs.
     example : str
     """
 
@@ -64,17 +62,28 @@ class Subcommand:
     purpose: str
     description: str
     options: tuple[Option, ...]
-    run: Callable[[argparse.Namespace], int]
+    place: str
     example: str
+
+    def run(self, given: argparse.Namespace) -> int:
+        """Run with a value for each option by name; return the exit code."""
+        module, _, name = self.place.partition(".")
+        return getattr(import_module(f"{__package__}.{module}"), name)(given)
 
 
 # what commands have in common: what is compared, and what becomes of a result
 _STUDY = (MEASURED, CONFIG, *DATA, *MODEL)
 _DIAGNOSED = (REPORT, *OUTCOME, SAVE, SEED, JOBS, *LOUDNESS)
 _FITTED = (_JSON, SAVE, SEED, *LOUDNESS)
-_DEMO = Option(
-    "name", "text", "which one", DEFAULT, "NAME", tuple(DEMONSTRATIONS), True, in_file=False
-)
+
+
+def _demonstrations() -> Iterable[str]:
+    from hybridsurrogate.datasets.demonstrations import DEMONSTRATIONS
+
+    return DEMONSTRATIONS
+
+
+_DEMO = Option("name", "text", "which one", "nile", "NAME", _demonstrations, True, in_file=False)
 _LIST = Option("list", "yes", "list the demonstrations", False, in_file=False)
 _OWN_CAUSES = "look for up to N causes (2 for co2, else 1)"
 
@@ -92,7 +101,7 @@ COMMANDS = (
             ),
             *_DIAGNOSED,
         ),
-        demo,
+        "diagnoses.demo",
         "hybridsurrogate demo --report nile.html",
     ),
     Subcommand(
@@ -107,7 +116,7 @@ COMMANDS = (
             BETA_SCAN,
             *_DIAGNOSED,
         ),
-        diagnose,
+        "diagnoses.diagnose",
         "hybridsurrogate diagnose measured.csv --simulation decay.py:decay --inputs minutes "
         "--prior rate=0.2,0.05 --output glucose",
     ),
@@ -133,7 +142,7 @@ COMMANDS = (
             JOBS,
             *LOUDNESS,
         ),
-        compare,
+        "comparisons.compare",
         "hybridsurrogate compare measured.csv --simulations decay.py:decay runs.csv "
         "--inputs minutes --parameters rate --prior rate=0.2,0.05 --output glucose",
     ),
@@ -142,7 +151,7 @@ COMMANDS = (
         "report a saved diagnosis",
         "Reports what diagnose --save wrote. Nothing is fitted.",
         (_SAVED, REPORT, *OUTCOME, *LOUDNESS),
-        report,
+        "diagnoses.report",
         "hybridsurrogate report study.hs --report study.html --units co2=ppm",
     ),
     Subcommand(
@@ -155,7 +164,7 @@ COMMANDS = (
             _TABLE,
             *LOUDNESS,
         ),
-        next_runs,
+        "diagnoses.next_runs",
         "hybridsurrogate next-runs study.hs --number 10 --table more.csv",
     ),
     Subcommand(
@@ -164,7 +173,7 @@ COMMANDS = (
         "Trains a surrogate on two data sources and prints the estimates. The simulation is a file "
         "of runs, or a function of a Python file, which is executed.",
         (*_STUDY, METHOD, *_FITTED),
-        fit,
+        "fits.fit",
         "hybridsurrogate fit measured.csv --simulation runs.csv --inputs minutes --parameters rate "
         "--output glucose --beta 0.5 --save fit.hs",
     ),
@@ -187,7 +196,7 @@ COMMANDS = (
             _TABLE,
             *LOUDNESS,
         ),
-        predict,
+        "fits.predict",
         "hybridsurrogate predict fit.hs new.csv --table predicted.csv",
     ),
     Subcommand(
@@ -202,7 +211,7 @@ COMMANDS = (
             Option("future", "yes", "test on later rows, along the first input", False),
             *_FITTED,
         ),
-        choose_beta,
+        "fits.choose_beta",
         "hybridsurrogate choose-beta measured.csv --simulation runs.csv --inputs minutes "
         "--parameters rate --output glucose --folds 5",
     ),

@@ -3,21 +3,20 @@
 from __future__ import annotations
 
 import argparse
+import os
 import sys
 import warnings
-from collections.abc import Sequence
-from contextlib import redirect_stdout
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, redirect_stdout
 from io import StringIO
 from textwrap import fill
 from typing import Any, NoReturn
 
 from tqdm import tqdm
 
-import hybridsurrogate
+from hybridsurrogate import __version__
 from hybridsurrogate.command_line.commands import COMMANDS, Subcommand
-from hybridsurrogate.command_line.options import add_options, completed
-from hybridsurrogate.command_line.output import STDOUT, Unbroken
-from hybridsurrogate.command_line.study import read_study
+from hybridsurrogate.command_line.options import STDOUT, add_options, completed
 from hybridsurrogate.exceptions import HybridSurrogateWarning, did_you_mean
 
 EXIT_CODES = (
@@ -52,16 +51,18 @@ class Parser(argparse.ArgumentParser):
         super().error(f"{message.rstrip('.')}.{meant}" if meant else message)
 
 
-def make_parser() -> Parser:
-    """Return the parser of the command line; what it parses has ``command``, a `Command`."""
+def make_parser(given: Sequence[str]) -> Parser:
+    """Return the parser of what was typed; what it parses has ``command``, a `Subcommand`.
+
+    Only a command that was typed has options: some list what scipy and scikit-learn are needed for.
+    """
     parser = Parser(
         prog="hybridsurrogate",
         description="Find out what a simulation gets wrong.",
         epilog=f"Example: {COMMANDS[0].example}",
     )
-    parser.add_argument(
-        "--version", action="version", version=f"hybridsurrogate {hybridsurrogate.__version__}"
-    )
+    version = f"hybridsurrogate {__version__}"
+    parser.add_argument("--version", action="version", version=version)
     commands = parser.add_subparsers(required=True, metavar="COMMAND")
     for command in COMMANDS:
         own = commands.add_parser(
@@ -71,10 +72,44 @@ def make_parser() -> Parser:
             epilog=f"{fill(EXIT_CODES)}\n\nExample:\n  {command.example}",
             formatter_class=argparse.RawDescriptionHelpFormatter,
         )
-        add_options(own, command.options)
+        add_options(own, command.options if command.name in given else ())
         own.set_defaults(command=command)
         parser.words += [command.name, *own.words]
     return parser
+
+
+class Unbroken:
+    """A text stream whose reader may have seen enough, as with ``| head``: the command goes on.
+
+    Parameters
+    ----------
+    stream : text stream
+    """
+
+    def __init__(self, stream: Any) -> None:
+        self._stream = stream
+
+    def write(self, text: str) -> int:
+        """Write text, which goes nowhere once nobody reads it."""
+        with self._until_broken():
+            self._stream.write(text)
+        return len(text)
+
+    def flush(self) -> None:
+        """Write at once what was kept back."""
+        with self._until_broken():
+            self._stream.flush()
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._stream, name)
+
+    @contextmanager
+    def _until_broken(self) -> Iterator[None]:
+        try:
+            yield
+        except BrokenPipeError:
+            # what is kept back goes nowhere as well, and Python's end finds no broken pipe
+            os.dup2(os.open(os.devnull, os.O_WRONLY), self._stream.fileno())
 
 
 _UNUSABLE, _INTERRUPTED = 2, 130
@@ -94,7 +129,8 @@ def main(argv: Sequence[str] | None = None) -> int:
         0 done; 1 with ``--check`` where the verdict is not adequate; 2 for a word or data that
         cannot be used.
     """
-    words = vars(make_parser().parse_args(argv))
+    given_words = list(sys.argv[1:] if argv is None else argv)
+    words = vars(make_parser(given_words).parse_args(given_words))
     command: Subcommand = words.pop("command")
     with warnings.catch_warnings():
         warnings.simplefilter("always", HybridSurrogateWarning)
@@ -116,8 +152,11 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _from_file(path: str | None) -> dict[str, Any]:
-    known = [option for one in COMMANDS for option in one.options]
-    return {} if path is None else read_study(path, known)
+    if path is None:
+        return {}
+    from hybridsurrogate.command_line.study import read_study
+
+    return read_study(path, [option for one in COMMANDS for option in one.options])
 
 
 def _texts_of(given: argparse.Namespace) -> Any:

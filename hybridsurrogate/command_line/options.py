@@ -3,103 +3,12 @@
 from __future__ import annotations
 
 import argparse
-import math
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
-from scipy import stats
-
-from hybridsurrogate.likelihoods import LIKELIHOODS
-from hybridsurrogate.priors import truncated_normal
-from hybridsurrogate.simulation.simulator import Assumed
-from hybridsurrogate.simulation.variables import check_support
-from hybridsurrogate.types import Prior
-
-Ends = tuple[float, float]
-
-
-def prior_of(name: str, text: str, runs: tuple[Ends, int] | None = None) -> Prior:
-    """Return the prior that a text describes.
-
-    Parameters
-    ----------
-    name : str
-    text : str
-        MEAN,SD for a normal one, MEAN,SD,LOW,HIGH for one cut off at both ends, LOW..HIGH for a
-        uniform one.
-    runs : ((low, high), n) or None
-        Range and number of the runs, where a normal prior is cut off; None: it is not.
-
-    Raises
-    ------
-    ValueError
-        For any other text.
-
-    Examples
-    --------
-    >>> prior_of("speed", "1..3").support()
-    (np.float64(1.0), np.float64(3.0))
-    """
-    low, dots, high = text.partition("..")
-    numbers = _numbers([low, high] if dots else text.split(","))
-    if dots and len(numbers) == 2 and numbers[0] < numbers[1]:
-        return stats.uniform(numbers[0], numbers[1] - numbers[0])
-    if not dots and len(numbers) == 4 and numbers[1] > 0 and numbers[2] < numbers[3]:
-        return truncated_normal(*numbers)
-    if dots or len(numbers) != 2 or numbers[1] <= 0:
-        raise ValueError(
-            f"--prior {name}={text}: write NAME=MEAN,SD or MEAN,SD,LOW,HIGH or LOW..HIGH, such as "
-            f"{name}=2,0.5 or {name}=1..3."
-        )
-    mean, sd = numbers
-    normal = stats.norm(mean, sd)
-    if runs is None:
-        return normal
-    # cut off at the runs it would lie among them, wherever it was
-    check_support(name, normal, *runs)
-    return truncated_normal(mean, sd, *runs[0])
-
-
-def assumed_of(name: str, text: str, ends: Ends | None = None) -> Assumed:
-    """Return an assumed constant from VALUE, or VALUE,LOW,HIGH.
-
-    Parameters
-    ----------
-    name, text : str
-    ends : (low, high) or None
-        Range of the runs, over which the constant may lie where no other is given.
-
-    Raises
-    ------
-    ValueError
-        For any other text, and for a value alone without runs.
-
-    Examples
-    --------
-    >>> assumed_of("rate", "0.55,0.3,0.9").value
-    0.55
-    """
-    numbers = _numbers(text.split(","))
-    if len(numbers) == 1 and ends is not None:
-        numbers += ends
-    if len(numbers) != 3 or not numbers[1] < numbers[2]:
-        raise ValueError(
-            f"--assumed {name}={text}: write NAME=VALUE,LOW,HIGH, the range in which it may be, "
-            f"such as {name}=0.5,0.3,0.9."
-        )
-    return Assumed(numbers[0], stats.uniform(numbers[1], numbers[2] - numbers[1]))
-
-
-def _numbers(cells: list[str]) -> list[float]:
-    """Return texts as finite numbers, an empty list where one of them is none."""
-    try:
-        numbers = list(map(float, cells))
-    except ValueError:
-        return []
-    return numbers if all(map(math.isfinite, numbers)) else []
-
-
+# a path that stands for standard output
+STDOUT = "-"
 SURROGATES = ("kriging", "polynomial-chaos", "gaussian-process", "exact")
 
 
@@ -118,7 +27,7 @@ class Option:
         A phrase for help and reference.
     default : Any
     metavar : str or None
-    choices : tuple of str
+    choices : tuple of str, or callable that returns them
     positional : bool
     required : bool
         On the command line or in the study file.
@@ -133,7 +42,7 @@ class Option:
     meaning: str
     default: Any = None
     metavar: str | None = None
-    choices: tuple[str, ...] = ()
+    choices: tuple[str, ...] | Callable[[], Iterable[str]] = ()
     positional: bool = False
     required: bool = False
     in_file: bool = True
@@ -143,6 +52,11 @@ class Option:
     def flag(self) -> str:
         """How it is written on the command line."""
         return self.name if self.positional else f"--{self.name.replace('_', '-')}"
+
+    @property
+    def allowed(self) -> tuple[str, ...]:
+        """The texts that it takes, empty where it takes any."""
+        return tuple(self.choices() if callable(self.choices) else self.choices)
 
     @property
     def shown_default(self) -> str:
@@ -210,7 +124,7 @@ def add_options(parser: argparse.ArgumentParser, options: Iterable[Option]) -> N
         elif kind.several:
             settings["nargs"] = "+"
         if one.choices:
-            settings["choices"] = one.choices
+            settings["choices"] = one.allowed
         if one.positional:
             settings["nargs"] = "?"
         if one.metavar and one.kind != "yes":
@@ -345,8 +259,16 @@ DATA = (
         example="spread",
     ),
 )
+
+
+def _likelihoods() -> Iterable[str]:
+    from hybridsurrogate.likelihoods import LIKELIHOODS
+
+    return LIKELIHOODS
+
+
 MODEL = (
-    Option("likelihood", "text", "of the measurements", "normal", choices=tuple(LIKELIHOODS)),
+    Option("likelihood", "text", "of the measurements", "normal", choices=_likelihoods),
     Option(
         "below",
         "limit",

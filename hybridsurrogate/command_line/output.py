@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import json
-import os
 import sys
 import time
 from collections.abc import Callable, Iterable, Iterator
@@ -15,6 +14,7 @@ from typing import Any
 
 import pandas as pd
 
+from hybridsurrogate.command_line.options import STDOUT
 from hybridsurrogate.diagnosis.fitting.result import DiagnosisResult
 from hybridsurrogate.diagnosis.report.report import Report, ending_of
 from hybridsurrogate.diagnosis.report.text import aligned
@@ -23,43 +23,8 @@ from hybridsurrogate.numerics.atomic_file import check_writable, written_whole
 from hybridsurrogate.numerics.digits import probability
 from hybridsurrogate.saved_file import save
 
-STDOUT = "-"
 # rows of the first table of causes
 _MOST_CAUSES = 5
-
-
-class Unbroken:
-    """A text stream whose reader may have seen enough, as with ``| head``: the command goes on.
-
-    Parameters
-    ----------
-    stream : text stream
-    """
-
-    def __init__(self, stream: Any) -> None:
-        self._stream = stream
-
-    def write(self, text: str) -> int:
-        """Write text, which goes nowhere once nobody reads it."""
-        with self._until_broken():
-            self._stream.write(text)
-        return len(text)
-
-    def flush(self) -> None:
-        """Write at once what was kept back."""
-        with self._until_broken():
-            self._stream.flush()
-
-    def __getattr__(self, name: str) -> Any:
-        return getattr(self._stream, name)
-
-    @contextmanager
-    def _until_broken(self) -> Iterator[None]:
-        try:
-            yield
-        except BrokenPipeError:
-            # what is kept back goes nowhere as well, and Python's end finds no broken pipe
-            os.dup2(os.open(os.devnull, os.O_WRONLY), self._stream.fileno())
 
 
 # at once, also where stdout is a file

@@ -48,7 +48,7 @@ def _section(command: Subcommand) -> Iterator[str]:
     yield f"```console\n$ {command.example}\n```\n"
     yield "| option | meaning | default |\n|---|---|---|"
     for option in command.options:
-        choices = f": {', '.join(option.choices)}" if option.choices else ""
+        choices = f": {', '.join(option.allowed)}" if option.choices else ""
         again = "; may be repeated" if option.kind == "pairs" else ""
         meaning = f"{option.meaning}{choices}{again}".replace("|", "\\|")
         default = f"`{option.shown_default}`" if option.shown_default else ""

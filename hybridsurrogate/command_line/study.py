@@ -15,7 +15,8 @@ import numpy as np
 import pandas as pd
 
 from hybridsurrogate.arguments import check_readable, described, is_address
-from hybridsurrogate.command_line.options import KINDS, Option, assumed_of, prior_of
+from hybridsurrogate.command_line.options import KINDS, Option
+from hybridsurrogate.command_line.priors import assumed_of, prior_of
 from hybridsurrogate.command_line.user_code import function_in, is_code
 from hybridsurrogate.estimators import PowerScaledSurrogate, PredictiveWeightedSurrogate
 from hybridsurrogate.exceptions import DiagnosisWarning, did_you_mean
@@ -85,10 +86,10 @@ def _value(option: Option, value: Any, path: str, folder: Path) -> Any:
     converted = kind.read(value)
     if converted is None:
         raise ValueError(f"{path}: {option.name} must be {kind.wanted}, got {described(value)}.")
-    if option.choices and converted not in option.choices:
+    if option.choices and converted not in option.allowed:
         raise ValueError(
-            f"{path}: {option.name} must be one of {', '.join(option.choices)}, got {value!r}."
-            f"{did_you_mean(value, option.choices)}"
+            f"{path}: {option.name} must be one of {', '.join(option.allowed)}, got {value!r}."
+            f"{did_you_mean(value, option.allowed)}"
         )
     if option.kind not in ("path", "paths"):
         return converted

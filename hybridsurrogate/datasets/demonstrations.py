@@ -65,4 +65,3 @@ DEMONSTRATIONS: dict[str, tuple[Callable[[], Demonstration], str]] = {
     "co2": (co2, "hard: Mauna Loa CO2 against smooth growth (measured, public domain)"),
     "log-sin": (log_sin, "hard: the published case study 1 (generated)"),
 }
-DEFAULT = "nile"

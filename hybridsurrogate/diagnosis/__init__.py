@@ -15,8 +15,6 @@ stored      a fitted diagnosis as plain arrays
 
 from hybridsurrogate.diagnosis.answers.finding import CauseFinding
 from hybridsurrogate.diagnosis.diagnosis import DiscrepancyDiagnosis
-from hybridsurrogate.diagnosis.planning.detectability import detectability
-from hybridsurrogate.diagnosis.planning.result import Detectability
 from hybridsurrogate.diagnosis.refinement import refine
 
-__all__ = ["CauseFinding", "Detectability", "DiscrepancyDiagnosis", "detectability", "refine"]
+__all__ = ["CauseFinding", "DiscrepancyDiagnosis", "refine"]

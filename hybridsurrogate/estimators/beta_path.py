@@ -11,7 +11,6 @@ import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike, NDArray
 from sklearn.base import clone
-from sklearn.model_selection import TimeSeriesSplit, check_cv
 from sklearn.utils import _safe_indexing
 
 from hybridsurrogate.arguments import check_flag, described
@@ -320,6 +319,8 @@ def choose_beta(
     >>> choice.estimator.beta == choice.beta
     True
     """
+    from sklearn.model_selection import TimeSeriesSplit, check_cv
+
     check_model(model)
     shown = check_flag(progress, "progress")
     grid = np.linspace(0, 1, 21) if betas is None else np.atleast_1d(as_numbers(betas, "betas"))

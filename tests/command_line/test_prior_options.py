@@ -2,7 +2,7 @@
 
 import pytest
 
-from hybridsurrogate.command_line.options import assumed_of, prior_of
+from hybridsurrogate.command_line.priors import assumed_of, prior_of
 
 
 @pytest.mark.parametrize(

@@ -11,7 +11,6 @@ import numpy as np
 from scipy import special
 from sklearn.base import BaseEstimator, TransformerMixin, clone
 from sklearn.exceptions import ConvergenceWarning, NotFittedError
-from sklearn.neural_network import MLPRegressor
 from sklearn.preprocessing import PolynomialFeatures
 
 from hybridsurrogate.exceptions import did_you_mean
@@ -201,6 +200,8 @@ class NetworkSurrogate(Surrogate):
                 f"activation must be one of {sorted(ACTIVATIONS)}, got {self.activation!r}."
                 f"{did_you_mean(self.activation, ACTIVATIONS)}"
             )
+        from sklearn.neural_network import MLPRegressor
+
         network = MLPRegressor(solver="lbfgs", **self.get_params())
         return FeatureSurrogate(HiddenLayers(network)).build(domain)
 
