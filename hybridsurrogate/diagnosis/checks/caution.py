@@ -30,12 +30,9 @@ class CheckSettings:
     ----------
     least_rows : int
         Measured rows that a diagnosis needs.
-    runs_of_a_search, cost_of_a_fold, slow_search, slow_run, timed_runs, gain_of_many : numbers
+    runs_of_a_search, cost_of_a_fold : int, float
         Sets of parameters that a search runs (25 000 and 107 000 with five folds at two parameters
-        and 50 rows, 33 000 to 112 000 in other cases), those of a fold in shares of it, seconds
-        from which the user is warned, seconds of a set from which more are timed, and how many:
-        many at once may take hardly longer than two. None are where each of more takes a larger
-        share of what it took before: they run one after another.
+        and 50 rows, 33 000 to 112 000 in other cases), and those of a fold in shares of it.
     fewest_rows : int
         Rows that agree before they are reported: one or two may by chance where the output is
         rounded.
@@ -84,10 +81,6 @@ class CheckSettings:
     least_rows: int = 8
     runs_of_a_search: int = 30_000
     cost_of_a_fold: float = 0.65
-    slow_search: float = 150.0
-    slow_run: float = 0.001
-    timed_runs: tuple[int, ...] = (2, 8, 200)
-    gain_of_many: float = 0.6
     fewest_rows: int = 3
     near_floor: float = 3.0
     most: float = 0.9
