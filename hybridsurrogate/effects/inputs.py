@@ -30,6 +30,7 @@ from hybridsurrogate.effects.registry import (
 )
 from hybridsurrogate.exceptions import did_you_mean
 from hybridsurrogate.priors import frozen
+from hybridsurrogate.simulation.variables import MOST_LEVELS
 from hybridsurrogate.types import Prior
 
 
@@ -177,8 +178,6 @@ register(
 
 
 _SHAPES = ("linear", "quadratic", "categorical")
-# levels of a quantity
-_MOST_LEVELS = 6
 
 
 @dataclass(eq=False, repr=False)
@@ -332,7 +331,7 @@ class MissingInput(AtLevel, OverColumn):
 def trouble_with_levels(context: Context, column: str) -> str | None:
     """Return why a column cannot be taken as levels, None if it can."""
     _, counts = np.unique(context.X[column], return_counts=True)
-    most = MOST_EXPERIMENTS if column in context.labels else _MOST_LEVELS
+    most = MOST_EXPERIMENTS if column in context.labels else MOST_LEVELS
     if not 2 <= len(counts) <= most:
         return f"{column} has {len(counts)} distinct values, 2 to {most} can be levels"
     if counts.min() < ROWS_OF_LEVEL:

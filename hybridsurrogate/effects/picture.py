@@ -8,12 +8,12 @@ from matplotlib.figure import Figure
 
 from hybridsurrogate.effects.base import SIMULATED, SLOPE, Cause, Context
 from hybridsurrogate.likelihoods.student_t import log_shape
+from hybridsurrogate.simulation.variables import MOST_LEVELS
 from hybridsurrogate.types import FloatArray
 
 _N_DRAWS = 5
 # draws from the bulk of the prior: the tails of a Cauchy prior would flatten all others
 _BULK = (0.15, 0.85)
-_MOST_LEVELS = 6
 # of outliers, so many standard deviations are drawn
 _FAR = 15.0
 
@@ -43,7 +43,7 @@ def plot_cause(cause: Cause, context: Context, ax: Axes | None = None) -> Axes:
         column, values = "deviation, in sd of the other rows", np.array([-_FAR, _FAR])
     x = np.linspace(values.min(), values.max(), 300)
     # a column of levels is only known at its levels
-    if column in context.X and len(np.unique(values)) <= _MOST_LEVELS:
+    if column in context.X and len(np.unique(values)) <= MOST_LEVELS:
         x = np.unique(values)
     rows = {name: np.full(len(x), np.median(v)) for name, v in context.X.items()} | {column: x}
     for other in cause.reads[1:]:
@@ -58,7 +58,7 @@ def plot_cause(cause: Cause, context: Context, ax: Axes | None = None) -> Axes:
             for (name, prior), q in zip(cause.parameters.items(), share, strict=True)
         }
         label, height = _shape(cause, rows, theta, weight, context)
-        ax.plot(x, height, "o-" if len(x) <= _MOST_LEVELS else "-", lw=1.2, ms=4)
+        ax.plot(x, height, "o-" if len(x) <= MOST_LEVELS else "-", lw=1.2, ms=4)
     ax.set_xlabel(column)
     ax.set_ylabel(label)
     ax.set_title(cause.name, fontsize="medium")

@@ -9,6 +9,7 @@ from __future__ import annotations
 import copy
 import time
 import warnings
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, TypeVar
 
@@ -47,8 +48,8 @@ _MOST_PLACES, _EVEN_PLACES = 200, 25
 _ROUNDS, _SHARE, _OPEN = 8, 0.25, 0.1
 # draws of the posterior from which further runs are chosen
 _CANDIDATES = 400
-# seconds of runs of which the user is warned before
-_LONG = 120.0
+# seconds of which the user is warned before
+LONG = 150.0
 
 E = TypeVar("E", bound=CheckedEstimator)
 
@@ -180,17 +181,27 @@ def seconds_a_set(simulator: Simulator, X: FloatArray) -> float:
     ranges = [*simulator.parameter_ranges.values()]
     none = np.empty((_MOST_TIMED, 0))
     omega = draw_design(ranges, _MOST_TIMED, random_state=0) if ranges else none
-    n, each = 1, np.inf
     # the first call may find out that a function takes numbers, and compile or import what it needs
     with parallel_config(n_jobs=1):
         simulator.evaluate(X[:1], omega[:1])
+
+    def run(n: int) -> None:
+        simulator.evaluate(np.tile(X, (n, 1)), np.repeat(omega[:n], len(X), axis=0))
+
+    return seconds_of_each(run, time.perf_counter, _MOST_TIMED if simulator.vectorized else 1)
+
+
+def seconds_of_each(
+    run: Callable[[int], object], clock: Callable[[], float], most: int = _MOST_TIMED
+) -> float:
+    """Return the seconds that ``run(n)`` takes for each of n sets of parameters, n at most."""
+    n, each = 1, np.inf
     while True:
-        start = time.perf_counter()
+        start = clock()
         with parallel_config(n_jobs=1):  # processes take a second to start
-            simulator.evaluate(np.tile(X, (n, 1)), np.repeat(omega[:n], len(X), axis=0))
-        before, each = each, (time.perf_counter() - start) / n
-        alone = not simulator.vectorized or each > _GAIN_OF_MANY * before
-        if each < _SLOW or alone or n == _MOST_TIMED:
+            run(n)
+        before, each = each, (clock() - start) / n
+        if each < _SLOW or each > _GAIN_OF_MANY * before or n == most:
             return min(each, before)
         n *= 4
 
@@ -275,7 +286,7 @@ def _with_further(
 
 def _warn_if_long(simulator: Simulator, n: int, n_places: int, seconds: float) -> None:
     """Warn before runs that take minutes, of so many seconds each."""
-    if n * seconds > _LONG * effective_n_jobs():
+    if n * seconds > LONG * effective_n_jobs():
         warnings.warn(
             f"The simulation {simulator.name!r} takes {_duration(seconds)} for one set of "
             f"parameters, and is run at least {n} times before the fit: {_duration(n * seconds)}. "

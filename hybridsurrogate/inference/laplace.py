@@ -25,7 +25,13 @@ from hybridsurrogate.model.statistics import (
     prior_of_unknowns,
     statistics,
 )
-from hybridsurrogate.numerics.linear_algebra import LARGE_BLOCK, blocks, log_det_of, nudged_cholesky
+from hybridsurrogate.numerics.linear_algebra import (
+    LARGE_BLOCK,
+    NEGLIGIBLE,
+    blocks,
+    log_det_of,
+    nudged_cholesky,
+)
 from hybridsurrogate.types import FloatArray
 
 
@@ -179,7 +185,7 @@ def gaussian_fit(whole: Design, sigma: FloatArray, width_rounds: int) -> Gaussia
         for _ in range(width_rounds):
             v, _ = _climb(design, sigma, v, SETTINGS.width_steps)
             design = design.widened(nudged_cholesky(_derivatives(design, sigma, v)[1]))
-    v, height = _climb(design, sigma, v, SETTINGS.newton_steps)
+    v, height = _climb(design, sigma, v, SETTINGS.mode_steps)
     factor = nudged_cholesky(_derivatives(design, sigma, v)[1])
     return GaussianFit(whole, v, factor, log_det_of(factor), height)
 
@@ -206,7 +212,7 @@ def _climb(
         climber = np.flatnonzero(active)
         v[climber[better]] = trials[best, index][better]
         value[climber[better]] = values[best, index][better]
-        active[climber[~(gain > SETTINGS.newton_tolerance)]] = False
+        active[climber[~(gain > SETTINGS.mode_gain)]] = False
         if not active.any():
             break
     return v, value
@@ -305,7 +311,7 @@ class LaplacePosterior(PowerScaledPosterior):
         kept = np.arange(self.n_coefficients)
         if factor is not None and truncated:
             size = np.sqrt(np.sum(factor**2, axis=1))
-            large = (size > SETTINGS.direction_share * size.max(axis=1, keepdims=True)).any(axis=0)
+            large = (size > NEGLIGIBLE * size.max(axis=1, keepdims=True)).any(axis=0)
             factor = factor[:, :, large]
             kept = kept[np.concatenate([large, np.ones(len(model.column_sd), dtype=bool)])]
         parts = []

@@ -163,7 +163,7 @@ def _improved(
         weight = np.full(n_draws, 1 / n_draws)
         all_of_it = float(special.logsumexp([part.log_mass for part in minor]))
         wide = replace(moment_match(sampled.draws, weight, minor[0]), log_mass=all_of_it)
-        many = max(4 * n, SETTINGS.large_batch)
+        many = 4 * max(n, SETTINGS.most_proposals)
         every = [wide, _like_prior(wide), *minor]
         again = _importance(target, every, many, n_draws, random_state, modes)
         sampled = again if again.khat <= max(sampled.khat, KHAT_LIMIT) else sampled

@@ -15,6 +15,11 @@ from scipy import stats
 from hybridsurrogate.registration import add
 from hybridsurrogate.types import FloatArray, Prior
 
+# an eta beyond which odds are those of certainty to all digits, and a mean of counts has no use
+MAX_ETA = -float(np.log(np.finfo(float).eps))
+# a scatter below this is none to all digits; an expected count below it is none, with so much
+# probability
+LEAST = 1e-4
 _NODE, _WEIGHT = np.polynomial.hermite_e.hermegauss(9)
 _WEIGHT = _WEIGHT / _WEIGHT.sum()
 

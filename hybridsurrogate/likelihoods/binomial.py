@@ -8,20 +8,13 @@ import numpy as np
 from scipy import special, stats
 
 from hybridsurrogate.arguments import as_real
-from hybridsurrogate.likelihoods.base import Likelihood, positive, register
+from hybridsurrogate.likelihoods.base import LEAST, MAX_ETA, Likelihood, positive, register
 from hybridsurrogate.likelihoods.student_t import GivenScale
 from hybridsurrogate.types import FloatArray, Prior
 
-# log odds beyond which a success is certain to all digits, and a shape of the beta distribution
-# is no number
-_MAX_ETA = 36.0
-# below this sigma a beta-binomial is a binomial distribution to all digits
-_MIN_SIGMA = 1e-4
 # numbers of successes over which an information is summed: all at both ends, where there may be
 # peaks, and some between
 _AT_ENDS, _BETWEEN = 16, 97
-# fewer expected successes, or failures, are none with so much probability
-_LEAST_MEAN = 1e-4
 
 
 @dataclass(frozen=True)
@@ -76,7 +69,7 @@ class Binomial(Likelihood):
         """Return the log odds as `working` of whole numbers, and those of expected successes."""
         if np.all(y == np.round(y)):
             return self.working(y)
-        return special.logit(np.clip(y, _LEAST_MEAN, self.trials - _LEAST_MEAN) / self.trials)
+        return special.logit(np.clip(y, LEAST, self.trials - LEAST) / self.trials)
 
     def rounding(self, eta: FloatArray) -> FloatArray:
         """Return 1 / (sqrt(12) trials p (1 - p)): uniform errors of the mean, to first order."""
@@ -87,7 +80,7 @@ class Binomial(Likelihood):
         """Return the log odds of an expected number of successes."""
         share = np.asarray(output, dtype=float) / self.trials
         with np.errstate(invalid="ignore", divide="ignore"):
-            return np.clip(special.logit(share), -_MAX_ETA, _MAX_ETA)
+            return np.clip(special.logit(share), -MAX_ETA, MAX_ETA)
 
     def inverse(self, eta: FloatArray) -> FloatArray:
         """Return the expected number of successes."""
@@ -236,8 +229,8 @@ class BetaBinomial(Binomial):
 
 def _shapes(eta: FloatArray, sigma: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return the shapes p phi and (1 - p) phi of the beta distribution."""
-    precision = np.maximum(sigma, _MIN_SIGMA) ** -2.0
-    eta = np.clip(eta, -_MAX_ETA, _MAX_ETA)
+    precision = np.maximum(sigma, LEAST) ** -2.0
+    eta = np.clip(eta, -MAX_ETA, MAX_ETA)
     return precision * special.expit(eta), precision * special.expit(-eta)
 
 

@@ -7,18 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import special, stats
 
-from hybridsurrogate.likelihoods.base import Likelihood, register
+from hybridsurrogate.likelihoods.base import LEAST, MAX_ETA, Likelihood, register
 from hybridsurrogate.likelihoods.student_t import GivenScale
 from hybridsurrogate.types import FloatArray, Prior
-
-# beyond this eta a mean has no use and its square no number
-_MAX_ETA = 60.0
-# below this sigma a negative binomial is a Poisson distribution to all digits
-_MIN_SIGMA = 1e-4
-# an expected count below this is none, with so much probability
-_LEAST_MEAN = 1e-4
-# the largest mean that numpy draws from
-_MAX_MEAN = 1e15
 
 
 class _Counts(Likelihood):
@@ -53,7 +44,7 @@ class _Counts(Likelihood):
         """Return log(y + 1/2) of whole numbers, and log(y) of expected counts."""
         if np.all(y == np.round(y)):
             return self.working(y)
-        return np.log(np.maximum(y, _LEAST_MEAN))
+        return np.log(np.maximum(y, LEAST))
 
     def rounding(self, eta: FloatArray) -> FloatArray:
         """Return 1 / (sqrt(12) mean): uniform errors of the mean, to first order."""
@@ -61,7 +52,7 @@ class _Counts(Likelihood):
 
     def inverse(self, eta: FloatArray) -> FloatArray:
         """Return exp(eta)."""
-        return np.exp(np.minimum(eta, _MAX_ETA))
+        return np.exp(np.minimum(eta, MAX_ETA))
 
     def mean(self, eta: FloatArray, sigma: FloatArray) -> FloatArray:
         """Return exp(eta)."""
@@ -105,7 +96,7 @@ class Poisson(_Counts):
         self, eta: FloatArray, sigma: FloatArray, random_state: np.random.RandomState
     ) -> FloatArray:
         """Draw y once for each eta."""
-        return random_state.poisson(np.minimum(self.inverse(eta), _MAX_MEAN)).astype(float)
+        return random_state.poisson(np.minimum(self.inverse(eta), np.exp(MAX_ETA))).astype(float)
 
     def information(self, eta: FloatArray, sigma: FloatArray) -> FloatArray:
         """Return the mean."""
@@ -142,25 +133,25 @@ class NegativeBinomial(_Counts):
 
     def log_density(self, y: FloatArray, eta: FloatArray, sigma: FloatArray) -> FloatArray:
         """Return the log probability of each y."""
-        precision = np.maximum(sigma, _MIN_SIGMA) ** -2.0
+        precision = np.maximum(sigma, LEAST) ** -2.0
         ratio = self.inverse(eta) / precision
         return (
             special.gammaln(y + precision)
             - special.gammaln(precision)
             - special.gammaln(y + 1)
             - (precision + y) * np.log1p(ratio)
-            + y * (np.minimum(eta, _MAX_ETA) - np.log(precision))
+            + y * (np.minimum(eta, MAX_ETA) - np.log(precision))
         )
 
     def log_below(self, y: FloatArray, eta: FloatArray, sigma: FloatArray) -> FloatArray:
         """Return the log probability of y or less: an incomplete beta function."""
-        precision, mean = np.maximum(sigma, _MIN_SIGMA) ** -2.0, self.inverse(eta)
+        precision, mean = np.maximum(sigma, LEAST) ** -2.0, self.inverse(eta)
         found = special.betainc(precision, np.floor(y) + 1, precision / (precision + mean))
         return _log_tail(found, self, y, eta, sigma)
 
     def log_above(self, y: FloatArray, eta: FloatArray, sigma: FloatArray) -> FloatArray:
         """Return the log probability of y or more."""
-        precision, mean = np.maximum(sigma, _MIN_SIGMA) ** -2.0, self.inverse(eta)
+        precision, mean = np.maximum(sigma, LEAST) ** -2.0, self.inverse(eta)
         y = np.ceil(y)
         found = special.betainc(np.maximum(y, 1), precision, mean / (precision + mean))
         return _log_tail(np.where(y > 0, found, 1.0), self, y, eta, sigma)
@@ -174,9 +165,10 @@ class NegativeBinomial(_Counts):
         self, eta: FloatArray, sigma: FloatArray, random_state: np.random.RandomState
     ) -> FloatArray:
         """Draw y once for each eta: a Poisson count whose mean is gamma distributed."""
-        precision = np.broadcast_to(np.maximum(sigma, _MIN_SIGMA) ** -2.0, np.shape(eta))
+        precision = np.broadcast_to(np.maximum(sigma, LEAST) ** -2.0, np.shape(eta))
         factor = random_state.standard_gamma(precision) / precision
-        return random_state.poisson(np.minimum(self.inverse(eta) * factor, _MAX_MEAN)).astype(float)
+        mean = np.minimum(self.inverse(eta) * factor, np.exp(MAX_ETA))
+        return random_state.poisson(mean).astype(float)
 
     def noise_prior(self, scale: float) -> Prior:
         """Return a half-normal prior with scale one: a relative scatter of up to 200 %."""
@@ -191,7 +183,7 @@ class NegativeBinomial(_Counts):
         self, y: FloatArray, eta: FloatArray, sigma: FloatArray, width: FloatArray | None = None
     ) -> tuple[FloatArray, FloatArray]:
         """Return score and curvature in eta."""
-        precision = np.maximum(sigma, _MIN_SIGMA) ** -2.0
+        precision = np.maximum(sigma, LEAST) ** -2.0
         mean = self.inverse(eta)
         share = precision / (precision + mean)
         return (y - mean) * share, mean * share * (precision + y) / (precision + mean) + 1e-12

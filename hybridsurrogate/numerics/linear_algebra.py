@@ -65,7 +65,9 @@ def each_with_each(X: FloatArray, omega: FloatArray) -> tuple[FloatArray, FloatA
 
 
 # smallest of the eigenvalues, as a share of the largest, that rounding leaves positive
-_SINGULAR = 1e-12
+SINGULAR = 1e-12
+# of the largest variance, or of a range: what is less changes no digit that is read
+NEGLIGIBLE = 1e-6
 
 
 def nudged_cholesky(matrices: FloatArray) -> FloatArray:
@@ -76,7 +78,7 @@ def nudged_cholesky(matrices: FloatArray) -> FloatArray:
         # rounding can make a nearly singular matrix indefinite: nudge by its own size
         size = matrices.shape[-1]
         eigenvalue = np.linalg.eigvalsh(matrices)
-        singular = eigenvalue[:, :1] < _SINGULAR * eigenvalue[:, -1:]
+        singular = eigenvalue[:, :1] < SINGULAR * eigenvalue[:, -1:]
         nudge = 1e-10 * np.einsum("jkk->jk", matrices) * singular
         matrices = matrices.copy()
         matrices[:, np.arange(size), np.arange(size)] += nudge

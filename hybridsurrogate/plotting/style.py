@@ -16,6 +16,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure
 from numpy.typing import ArrayLike, NDArray
+from scipy.stats import norm
 
 from hybridsurrogate.types import FloatArray
 
@@ -27,7 +28,7 @@ OMEGA_COLOURS = ListedColormap(colormaps["viridis"](np.linspace(0, 0.93, 256)), 
 
 
 # half the width of the middle nine tenths of a standard normal
-NINE_TENTHS = 1.645
+NINE_TENTHS = float(norm.ppf(0.95))
 # a column with at most so many values is no line
 FEW_VALUES = 12
 

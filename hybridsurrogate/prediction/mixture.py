@@ -15,15 +15,11 @@ from sklearn.utils import check_scalar
 from hybridsurrogate.exceptions import SamplingWarning
 from hybridsurrogate.likelihoods import TransformedNormal
 from hybridsurrogate.model.posterior import Posterior
-from hybridsurrogate.numerics.linear_algebra import LARGE_BLOCK, blocks
+from hybridsurrogate.numerics.linear_algebra import LARGE_BLOCK, SINGULAR, blocks
 from hybridsurrogate.types import FloatArray
 
 # draws of y behind the quantiles of a likelihood that is not normal
 _N_DRAWS = 20_000
-# rows at a time, so that memory stays bounded
-_N_ROWS = 500
-# brackets as narrow, in units of what holds all draws, end a search; and steps at most
-_TINY, _MOST_STEPS = 1e-9, 60
 # a step of a share h of the narrowest sd leaves an error of about h^3 of it: the next is needless
 _LAST_STEP = 1e-3
 
@@ -40,8 +36,8 @@ def central_interval(
     if likelihood is None:
         random = np.random.RandomState(0)
         ends = []
-        for k in range(0, len(X), _N_ROWS):
-            draws = samples(mixture_at, X[k : k + _N_ROWS], _N_DRAWS, random, noisy)
+        for some in blocks(len(X), _N_DRAWS, LARGE_BLOCK):
+            draws = samples(mixture_at, X[some], _N_DRAWS, random, noisy)
             ends.append(np.quantile(draws, [tail, 1 - tail], axis=0, method="inverted_cdf"))
         lower, upper = np.concatenate(ends, axis=1)
         return lower, upper
@@ -100,16 +96,15 @@ def _quantile(parts: Normals, probability: float) -> FloatArray:
     reach = 9 * np.max([sigma.max(axis=0) for _, _, sigma in parts], axis=0)
     low = np.min([centre.min(axis=0) for _, centre, _ in parts], axis=0) - reach
     high = np.max([centre.max(axis=0) for _, centre, _ in parts], axis=0) + reach
-    tiny = _TINY * (high - low)
+    # a bracket this narrow is rounding
+    tiny = SINGULAR * (high - low) + 2 * np.spacing(np.maximum(np.abs(low), np.abs(high)))
     mean = _average(parts, lambda centre, _: centre)
     variance = _average(parts, lambda centre, sigma: (centre - mean) ** 2 + sigma**2)
     # the quantile of a normal with the same moments
     middle = np.clip(mean + special.ndtri(probability) * np.sqrt(variance), low, high)
     # rows without a prediction have NaN, and no search
     left = np.flatnonzero(np.isfinite(middle))
-    for _ in range(_MOST_STEPS):
-        if not len(left):
-            break
+    while len(left):
         at = middle[left]
         some = parts if len(left) == len(middle) else _at_rows(parts, left)
         below, density, slope = _distribution(some, at)

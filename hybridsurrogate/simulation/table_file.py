@@ -21,6 +21,7 @@ import pandas as pd
 from hybridsurrogate.arguments import check_flag, check_readable, is_address, local_path
 from hybridsurrogate.exceptions import DiagnosisWarning
 from hybridsurrogate.numerics.atomic_file import written_whole
+from hybridsurrogate.simulation.variables import MOST_LEVELS
 
 # the column of a long table that says which run a row is of
 RUN = "run"
@@ -197,8 +198,6 @@ def _table(source: Callable[[], Any], **settings: Any) -> pd.DataFrame | None:
     return whole.set_axis(shifted.columns, axis=1)
 
 
-# names in a column of text that are taken as levels
-_MOST_LEVELS = 6
 # a day in another form than that of ISO 8601
 _ANOTHER_DATE = re.compile(r"\d{1,4}[./-]\d{1,2}[./-]\d{1,4}\b.*")
 
@@ -278,10 +277,10 @@ def with_levels(measured: pd.DataFrame) -> pd.DataFrame:
             out[name] = dates
             continue
         codes, known = pd.factorize(measured[name].dropna().astype(str), sort=True)
-        if measured[name].isna().any() or not 2 <= len(known) <= _MOST_LEVELS:
+        if measured[name].isna().any() or not 2 <= len(known) <= MOST_LEVELS:
             warnings.warn(
                 f"The column {name!r} is left out: it holds neither numbers nor 2 to "
-                f"{_MOST_LEVELS} names, one in each row.",
+                f"{MOST_LEVELS} names, one in each row.",
                 DiagnosisWarning,
                 stacklevel=2,
             )

@@ -18,6 +18,8 @@ from hybridsurrogate.priors import check_prior, check_priors, prior_range
 from hybridsurrogate.simulation.arrays import as_numbers, as_table, check_spread, is_numeric
 from hybridsurrogate.types import FloatArray, Prior
 
+# a column with more values, or of more names, is no column of levels
+MOST_LEVELS = 6
 # shares of a prior's mass in the simulated range: an error below the first, else a warning below
 # the second
 _NO_SUPPORT, _LITTLE_SUPPORT = 0.01, 0.9

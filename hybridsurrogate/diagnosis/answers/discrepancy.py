@@ -17,10 +17,8 @@ from hybridsurrogate.diagnosis.search.search import (
     predict_locally,
 )
 from hybridsurrogate.effects.base import Cause
+from hybridsurrogate.simulation.variables import MOST_LEVELS
 from hybridsurrogate.types import FloatArray
-
-# a column with as many values has levels instead of thirds
-_FEW_LEVELS = 6
 
 
 @dataclass(frozen=True)
@@ -176,7 +174,7 @@ def shares_of_thirds(
         if np.ptp(values) == 0:
             continue
         levels = np.unique(values)
-        if len(levels) <= _FEW_LEVELS or name in labels:
+        if len(levels) <= MOST_LEVELS or name in labels:
             ends, part = np.repeat(levels, 2), np.searchsorted(levels, values)
         else:
             ends = np.repeat(np.linspace(levels[0], levels[-1], 4), 2)[1:-1]

@@ -29,85 +29,55 @@ class CheckSettings:
     Attributes
     ----------
     least_rows : int
-        Measured rows that a diagnosis needs.
-    runs_of_a_search, cost_of_a_fold, slow_search, slow_run, timed_runs, gain_of_many : numbers
+        Measured rows that a diagnosis needs, and pairs of them that a test of their scatter needs.
+    runs_of_a_search, cost_of_a_fold : int, float
         Sets of parameters that a search runs (25 000 and 107 000 with five folds at two parameters
-        and 50 rows, 33 000 to 112 000 in other cases), those of a fold in shares of it, seconds
-        from which the user is warned, seconds of a set from which more are timed, and how many:
-        many at once may take hardly longer than two. None are where each of more takes a larger
-        share of what it took before: they run one after another.
-    fewest_rows : int
-        Rows that agree before they are reported: one or two may by chance where the output is
-        rounded.
-    near_floor : float
-        The search knows no noise below its floor; what a few times more leaves open is no better
-        known.
+        and 50 rows, 33 000 to 112 000 in other cases), and those of a fold in shares of it.
+    few : float
+        Standard deviations that a difference has by chance. And rows that agree: one or two may
+        by chance where the output is rounded. And floors of the noise: what a search leaves open
+        by a few of them is no better known.
     most, half : float
         Shares, cosines and correlations from which nearly all, or as much as not, is meant: rows
-        within a range by which another unit or an exchange of columns explains it; the cosine of
-        outputs of one shape; what two rows carry of an effect; the correlation from which an
-        estimate's variance is more than five times what it were with the parameter known. And rows
-        outside a range from which nothing is diagnosed; noise that other columns must leave at
-        most; the width of its prior that a parameter keeps where data inform it little; the share
-        of a cause's curve below which only part of it, such as its level, goes with a parameter.
-    mirrored : float
-        Cosine between what is measured and simulated from which the sign looks wrong; the best fit
-        of parameters has moved it towards zero.
+        within a range by which another unit or an exchange of columns explains it; the range that
+        a unit fills, of what another one fills; rows that an exchange must bring into the ranges;
+        the cosine of outputs of one shape, or of the other sign; what two rows carry of an effect;
+        the correlation from which an estimate's variance is more than five times what it were with
+        the parameter known. And rows outside a range from which nothing is diagnosed; noise that
+        other columns must leave at most; the width of its prior that a parameter keeps where data
+        inform it little; the share of a cause's curve below which only part of it, such as its
+        level, goes with a parameter.
     copied, nearly_copied : float
         A column whose correlation with the output is so little below one is the output; one above
         the second looks like it.
-    as_wide : float
-        A unit that fills this share of what another unit fills of the range is as likely.
-    gain_of_exchange : float
-        Rows (as a share, of two columns together) that an exchange must bring into the ranges.
-    narrow : float
-        Share of the simulated range below which rows that lie within may be in another unit.
-    about_as_good : float
-        Noise that other columns must leave at most, in shares of that with the best cause.
     far_gain, near_unit : float
         The factor between measured and simulated output from which the unit looks wrong; one this
         near a unit's, in logarithms, is called by its name.
-    far_shift : float
-        Spreads of the output by which it must be shifted, to within one of a shift of degrees.
-    draws_compared : int
-        Draws of the priors that are compared with the output.
+    draws : int
+        Of the priors that are compared with the output, and of a posterior behind a mean curve.
     far_off, most_far_off : float
         Robust standard deviations of the residuals beyond which a row is far off, and the share of
         the rows that may be without being a pattern.
     large_jump : float
         Jumps of this share of the noise hide effects.
-    curve_draws, derivative_step : int, float
-        Draws that suffice for a mean curve, and the share of a posterior standard deviation by
-        which a parameter is moved for its derivative.
     """
 
     least_rows: int = 8
     runs_of_a_search: int = 30_000
     cost_of_a_fold: float = 0.65
-    slow_search: float = 150.0
-    slow_run: float = 0.001
-    timed_runs: tuple[int, ...] = (2, 8, 200)
-    gain_of_many: float = 0.6
-    fewest_rows: int = 3
-    near_floor: float = 3.0
+    few: float = 3.0
     most: float = 0.9
     half: float = 0.5
-    mirrored: float = 0.7
     copied: float = 1e-9
     nearly_copied: float = 0.9999
-    as_wide: float = 0.8
-    gain_of_exchange: float = 0.3
-    narrow: float = 0.05
-    about_as_good: float = 2.0
     far_gain: float = 5.0
     near_unit: float = 0.15
-    far_shift: float = 3.0
-    draws_compared: int = 64
+    draws: int = 200
     far_off: float = 10.0
     most_far_off: float = 0.02
     large_jump: float = 0.25
-    curve_draws: int = 200
-    derivative_step: float = 0.05
 
 
 SETTINGS = CheckSettings()
+# of noise, behind a p-value
+REPLICATES = 999

@@ -158,7 +158,7 @@ def _unit(name: str, values: FloatArray, low: float, high: float) -> str:
         return "Check its unit, or simulate the range that was measured."
     # of several units the commonest that fills about as much of what was simulated as any
     most = max(np.ptp(way[1]) for way in fitting)
-    how, _, words = next(way for way in fitting if np.ptp(way[1]) >= SETTINGS.as_wide * most)
+    how, _, words = next(way for way in fitting if np.ptp(way[1]) >= SETTINGS.most * most)
     return (
         f"Is it in another unit, as {words}? Its values {how} lie within. Check the unit, or "
         "simulate the range that was measured."
@@ -172,7 +172,7 @@ def _exchange(columns: Mapping[str, FloatArray], ranges: Ranges, name: str) -> s
     for other in (one for one in there if one != name):
         after = [_share_within(columns[a], *ranges[b]) for a, b in ((other, name), (name, other))]
         gain = sum(after) - before[name] - before[other]
-        if min(after) >= SETTINGS.most and gain >= SETTINGS.gain_of_exchange:
+        if min(after) >= SETTINGS.most and gain >= SETTINGS.half:
             return (
                 f"With the columns {name!r} and {other!r} exchanged, {min(after):.0%} lie within: "
                 "were they swapped?"
@@ -235,7 +235,7 @@ def _unit_of_output(problem: Problem) -> list[str]:
 def _simulated(problem: Problem) -> FloatArray:
     """Return simulated outputs (J, n) at draws of the priors, and at the best fit that is known."""
     model = problem.model
-    z = np.random.RandomState(0).standard_normal((SETTINGS.draws_compared, model.n_unknowns))
+    z = np.random.RandomState(0).standard_normal((SETTINGS.draws, model.n_unknowns))
     z[0] = 0.0
     z = np.vstack([z, problem.good]) if len(problem.good) else z
     coefficients = emulator_posterior(model.basis, problem.simulation).mean
@@ -268,7 +268,7 @@ def _named_factor(gain: float) -> str:
 def _named_shift(simulated: FloatArray, y: FloatArray) -> str | None:
     """Return the shift between two units of temperature, where it is one."""
     spread = float(np.std(y))
-    if not np.all(np.abs(np.mean(y - simulated, axis=1)) > SETTINGS.far_shift * spread):
+    if not np.all(np.abs(np.mean(y - simulated, axis=1)) > SETTINGS.few * spread):
         return None
     for (offset, factor), words in _SHIFTED.items():
         left = np.mean(y - offset - factor * simulated, axis=1)
@@ -293,7 +293,7 @@ def better_columns(result: Search, ranges: Ranges, chosen: Candidate) -> list[Ca
     problem, null = result.problem, result.candidates[0].fit
     least = SETTINGS.half * null.sigma
     if chosen.cause is not None and not chosen.cause.is_process:
-        least = min(least, SETTINGS.about_as_good * chosen.fit.sigma)
+        least = min(least, chosen.fit.sigma / SETTINGS.half)
     if problem.working_point is not None:
         return []
     found: list[tuple[float, str]] = []
@@ -330,8 +330,6 @@ def _other_columns(problem: Problem, ranges: Ranges) -> Iterator[tuple[str, Floa
         if name not in ranges:
             continue
         values, (low, high) = problem.X[:, k], ranges[name]
-        if np.ptp(values) > SETTINGS.narrow * (high - low):
-            continue
         for factor, units in _UNITS.items():
             X = problem.X.copy()
             X[:, k] = factor * values

@@ -8,9 +8,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import KDTree
+from scipy.stats import median_abs_deviation
 from sklearn.utils import check_consistent_length
 
-from hybridsurrogate.diagnosis.checks.caution import SETTINGS, Caution
+from hybridsurrogate.diagnosis.checks.caution import REPLICATES, SETTINGS, Caution
 from hybridsurrogate.diagnosis.checks.simulation import EmulatorCheck
 from hybridsurrogate.diagnosis.search.candidate import Candidate
 from hybridsurrogate.diagnosis.search.context import BLUR, FLOOR
@@ -58,7 +59,7 @@ def copies(X: FloatArray, y: FloatArray) -> int:
     """
     again = len(X) - len(np.unique(X, axis=0))
     alike = len(X) - len(np.unique(np.column_stack([X, y]), axis=0))
-    return alike if alike >= SETTINGS.fewest_rows and 2 * alike > again else 0
+    return alike if alike >= SETTINGS.few and 2 * alike > again else 0
 
 
 def copied_rows(X: FloatArray, y: FloatArray) -> list[Caution]:
@@ -109,7 +110,7 @@ def mirrored(problem: Problem) -> list[Caution]:
         sizes = np.linalg.norm(simulated) * np.linalg.norm(problem.y)
         likeness = float(simulated @ problem.y) / sizes if sizes > 0 else 0.0
     # a cosine: positive where the simulation has anything of the output
-    if not likeness < -SETTINGS.mirrored:
+    if not likeness < -SETTINGS.half:
         return []
     return [
         Caution(
@@ -134,9 +135,7 @@ def is_exact(result: Search) -> bool:
         if w.cause is None
         or (w.cause.changes_output and not w.cause.is_process and "noise" not in w.cause.acts_on)
     ]
-    return problem.likelihood.gaussian and (
-        min(rest) <= SETTINGS.near_floor * FLOOR * problem.scale
-    )
+    return problem.likelihood.gaussian and (min(rest) <= SETTINGS.few * FLOOR * problem.scale)
 
 
 def exact(result: Search) -> list[Caution]:
@@ -146,7 +145,7 @@ def exact(result: Search) -> list[Caution]:
     ----------
     result : Search
     """
-    alone = result.candidates[0].fit.sigma <= SETTINGS.near_floor * BLUR * result.problem.scale
+    alone = result.candidates[0].fit.sigma <= SETTINGS.few * BLUR * result.problem.scale
     what = "The simulation meets" if alone else "With a cause the simulation meets"
     return [
         Caution(
@@ -218,8 +217,8 @@ def _far_off(result: Search, missed: FloatArray) -> NDArray[np.intp]:
     for output in np.unique(of):
         here = of == output
         away = np.abs(missed[here] - np.median(missed[here]))
-        # 1.4826 median absolute deviations are a standard deviation of normal residuals
-        sd = max(1.4826 * float(np.median(away)), SETTINGS.near_floor * FLOOR * problem.scale)
+        sd = float(median_abs_deviation(missed[here], scale="normal"))
+        sd = max(sd, SETTINGS.few * FLOOR * problem.scale)
         far[here] = away > SETTINGS.far_off * sd
     most = max(2, int(SETTINGS.most_far_off * len(missed)))
     rows = np.flatnonzero(far)
@@ -251,11 +250,7 @@ def _place(at: dict[str, float]) -> str:
 
 
 # a caution is raised in one of a hundred sets without overdispersion
-_LEVEL, _N_REPLICATES = 0.01, 999
-# pairs that a test needs
-_LEAST_PAIRS = 8
-# of one pair: three standard deviations
-_LARGEST_SQUARE = 9.0
+_LEVEL = 0.01
 
 
 class Dispersion(NamedTuple):
@@ -347,20 +342,20 @@ def dispersion_of(
         What the model predicts, and what was measured.
     """
     first, second = neighbours(X)
-    if len(first) < _LEAST_PAIRS:
+    if len(first) < SETTINGS.least_rows:
         return None
     pairs = np.stack([first, second])
     at, values = eta[pairs][:, None], y[pairs][:, None]  # (2, 1, pairs)
     squares, mean = _squares(likelihood, at, values)
     open_ = squares[0] > -np.inf
-    if open_.sum() < _LEAST_PAIRS:
+    if open_.sum() < SETTINGS.least_rows:
         return None
     random = np.random.RandomState(0)  # a fixed stream: the check is reproducible
-    center = np.broadcast_to(mean[..., open_], (2, _N_REPLICATES, int(open_.sum())))
+    center = np.broadcast_to(mean[..., open_], (2, REPLICATES, int(open_.sum())))
     again = likelihood.sample(center, np.ones((1, 1, 1)), random)
     replicates, _ = _squares(likelihood, mean[..., open_], again)
-    statistic, drawn = _mean(squares, _LARGEST_SQUARE), _mean(replicates, _LARGEST_SQUARE)
-    p_value = (1 + np.sum(drawn >= statistic)) / (1 + _N_REPLICATES)
+    statistic, drawn = (_mean(each, SETTINGS.few**2) for each in (squares, replicates))
+    p_value = (1 + np.sum(drawn >= statistic)) / (1 + REPLICATES)
     ratio = _mean(squares, np.inf)[0] / np.mean(_mean(replicates, np.inf))
     return Dispersion(float(ratio), float(p_value))
 

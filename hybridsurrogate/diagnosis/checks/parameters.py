@@ -272,7 +272,7 @@ def _correlation(a: FloatArray, b: FloatArray) -> float:
 
 def _curve(before: Posterior, after: Posterior, position: int, X: FloatArray) -> FloatArray:
     """Return what one cause adds to eta at rows X, averaged over draws, (n,)."""
-    index = np.linspace(0, after.n_draws - 1, min(after.n_draws, SETTINGS.curve_draws)).astype(int)
+    index = np.linspace(0, after.n_draws - 1, min(after.n_draws, SETTINGS.draws)).astype(int)
     draws, model = after.take(index), after.model
     others = [effect for k, effect in enumerate(model.effects) if k != position]
     theta = np.array([owner != position for owner, _ in model.theta_names], dtype=bool)
@@ -293,11 +293,11 @@ def _curve(before: Posterior, after: Posterior, position: int, X: FloatArray) ->
 
 
 def _derivatives(before: Posterior, after: Posterior, X: FloatArray) -> FloatArray:
-    """Return the derivatives of the simulation at rows X with respect to each parameter, (d, n)."""
+    """Return what a posterior sd of each parameter changes of the simulation at rows X, (d, n)."""
     d = after.model.n_parameters
     hyper = before.values[:, d:].mean(axis=0)
     centre = np.concatenate([after.values[:, :d].mean(axis=0), hyper])
-    step = SETTINGS.derivative_step * after.values[:, :d].std(axis=0)
+    step = after.values[:, :d].std(axis=0)
     points = np.repeat(centre[None], 2 * d, axis=0)
     points[np.arange(d), np.arange(d)] += step
     points[d + np.arange(d), np.arange(d)] -= step

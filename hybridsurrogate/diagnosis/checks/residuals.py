@@ -18,6 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import fft
 
+from hybridsurrogate.diagnosis.checks.caution import REPLICATES
 from hybridsurrogate.diagnosis.search.candidate import Candidate
 from hybridsurrogate.diagnosis.search.forward_selection import SearchStep
 from hybridsurrogate.diagnosis.search.search import (
@@ -30,7 +31,6 @@ from hybridsurrogate.simulation.outputs import OUTPUT
 from hybridsurrogate.studied import STUDIED
 from hybridsurrogate.types import FloatArray
 
-_REPLICATES = 999
 # of causes that are right so many are called the nearest one
 STRANGE = 0.05
 # after these the p-values of two measured sets (casualties, beaver) stay as they are; without them
@@ -121,12 +121,12 @@ def _left(result: Search, w: Candidate) -> FloatArray:
     measured = target - design @ local.mean
     # a fixed stream: a verdict is reproducible
     random = np.random.RandomState(0)
-    noise = random.standard_normal((_REPLICATES, len(measured)))
+    noise = random.standard_normal((REPLICATES, len(measured)))
     if is_path:
         # a path leaves a share of itself, in the replicates as in the measured rows
         path = design[:, rows.first :]
         path = path * size / w.fit.sigma / np.sqrt(np.mean(np.sum(path**2, axis=1)))
-        noise += random.standard_normal((_REPLICATES, path.shape[1])) @ path.T
+        noise += random.standard_normal((REPLICATES, path.shape[1])) @ path.T
     fitted = noise @ design @ local.covariance @ design.T / w.fit.sigma**2
     left = np.vstack([measured, noise - fitted])
     scale = np.sqrt(np.mean(left**2, axis=1, keepdims=True))

@@ -12,6 +12,7 @@ import numpy as np
 
 from hybridsurrogate.diagnosis.checks.caution import SETTINGS, Caution
 from hybridsurrogate.diagnosis.search.search import Search
+from hybridsurrogate.estimators.emulation import LONG, seconds_of_each
 from hybridsurrogate.exceptions import DiagnosisWarning
 from hybridsurrogate.model.context import LONGEST_STEP, around, output
 from hybridsurrogate.model.problem import Problem
@@ -26,22 +27,18 @@ from hybridsurrogate.surrogates.basis import Basis, Surrogate
 def seconds_a_run(problem: Problem) -> float:
     """Return the seconds that the simulation takes for one set of parameters at the measured rows.
 
-    Zero for an emulator. More sets are timed where few look slow, while each takes far less of
-    them than of fewer.
+    Zero for an emulator.
     """
     model = problem.model
-    each = np.inf
     if not model.basis.is_simulation:
         return 0.0
-    for n in SETTINGS.timed_runs:
+
+    def run(n: int) -> None:
         # other sets each time: outputs that are known already take no time
         z = np.random.RandomState().standard_normal((n, model.n_unknowns))
-        start = perf_counter()
         model.simulated(problem.X, model.values(z))
-        before, each = each, (perf_counter() - start) / n
-        if each < SETTINGS.slow_run or each > SETTINGS.gain_of_many * before:
-            break
-    return each
+
+    return seconds_of_each(run, perf_counter)
 
 
 def warn_if_slow(problem: Problem, n_folds: int | None = None) -> None:
@@ -56,7 +53,7 @@ def warn_if_slow(problem: Problem, n_folds: int | None = None) -> None:
     each = seconds_a_run(problem)
     folds = 0 if n_folds is None else n_folds
     sets = SETTINGS.runs_of_a_search * (1 + SETTINGS.cost_of_a_fold * folds)
-    if each * sets < SETTINGS.slow_search:
+    if each * sets < LONG:
         return
     thousands = round(sets, -3)
     without = "" if n_folds is None else " cv=None leaves the folds out."

@@ -26,6 +26,7 @@ from hybridsurrogate.inference.evidence.linearised import (
     linearise,
 )
 from hybridsurrogate.inference.evidence.marginal_likelihood import LocalMode, optimise, scan
+from hybridsurrogate.inference.evidence.outliers import as_normal_rows
 from hybridsurrogate.inference.evidence.settings import SETTINGS
 from hybridsurrogate.model.observation import MeasuredModel, WorkingPoint
 from hybridsurrogate.model.posterior import Posterior
@@ -168,10 +169,12 @@ class SearchContext:
         return np.geomspace(smallest, max(self.largest_size, 2 * smallest), SETTINGS.n_sizes)
 
     def linearise(self, fit: Fitted, columns: Columns | None = None) -> Linearised:
-        """Return the model around a fit."""
-        model, grid, mode, _ = fit
-        X, emulator = self.problem.X, self.emulator
-        return linearise(model, X, emulator, grid, mode.z, columns, self.slopes)
+        """Return the model around a fit, outliers as normal rows of their scales."""
+        model, grid, mode, sigma = fit
+        X, y, emulator = self.problem.X, self.problem.y, self.emulator
+        parts = linearise(model, X, emulator, grid, mode.z, columns, self.slopes)
+        args = model, grid, mode.z, y, sigma, self.largest_size, self._possible
+        return as_normal_rows(parts, *args)
 
     def evidence_of_nodes(
         self, fit: Fitted, sizes: FloatArray, columns: Columns | None = None
@@ -196,7 +199,12 @@ class SearchContext:
         """Climb from one start; ``size`` None: the effect's size is free."""
         X, y = self.problem.X, self.problem.y
         size = self.largest_size if size is None else size
-        return optimise(model, X, y, self.emulator, grid, z, sigma, size, columns, self.slopes)
+        args = model, X, y, self.emulator, grid, z, sigma, size, columns, self.slopes
+        return optimise(*args, self._possible)
+
+    def _possible(self, sigma: FloatArray) -> FloatArray:
+        least = FLOOR * self.problem.scale
+        return np.asarray(self.problem.possible_sigma(np.maximum(sigma, least)))
 
     def climb(
         self, model: MeasuredModel, grid: Grid, starts: Sequence[FloatArray], sigma: float
@@ -299,8 +307,7 @@ class SearchContext:
         problem = self.problem
         if problem.noise_is_known or not np.isfinite(mode.objective):
             return sigma
-        found = max(float(np.sqrt(mode.squares / len(problem.y))), FLOOR * problem.scale)
-        return float(problem.possible_sigma(found))
+        return float(self._possible(np.sqrt(mode.squares / len(problem.y))))
 
     def deviance(self, mode: LocalMode, sigma: float) -> float:
         """Return minus twice the log posterior density at a mode, with the noise that suits it.

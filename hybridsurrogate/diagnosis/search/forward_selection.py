@@ -394,7 +394,7 @@ def _others(causes: Sequence[Cause], chosen: Candidate) -> list[Cause]:
 def ends_search(candidate: Candidate) -> bool:
     """Return whether nothing is searched for in addition to a cause."""
     cause = candidate.cause
-    if cause is None or "outliers" in cause.acts_on:  # with outliers there is no closed form
+    if cause is None or "outliers" in cause.acts_on:  # scales of rows are of one fit
         return True
     # a curve or path of any shape explains all else, a parameter that differs does not
     return cause.is_process and cause.hierarchy is None

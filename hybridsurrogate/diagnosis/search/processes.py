@@ -20,7 +20,6 @@ from hybridsurrogate.effects.noise.noise import OutputNoise
 from hybridsurrogate.inference.evidence.grid import make_grid
 from hybridsurrogate.inference.evidence.linearised import Linearised
 from hybridsurrogate.inference.evidence.marginal_likelihood import scan, scan_with_process
-from hybridsurrogate.inference.evidence.outliers import at_best_node
 from hybridsurrogate.inference.evidence.settings import SETTINGS
 from hybridsurrogate.model.observation import MeasuredModel
 from hybridsurrogate.model.posterior import Posterior
@@ -203,7 +202,7 @@ def _with_process(result: Search, w: Candidate, bases: FloatArray) -> float:
     beyond_node = 0.0
     if parts.noise_differs:
         # every node would need a factorisation: that of the best one gives what a curve adds
-        parts = at_best_node(parts, problem.y, sigma)
+        parts = replace(parts.at(np.array([0])), log_weight=np.zeros(1))
         plain = scan(parts, problem.y[None], sigma, noise, sizes)[0]
         beyond_node = float(np.logaddexp.reduce(nodes)) - float(plain[0])
     terms = scan_with_process(parts, problem.y, sigma, noise, sizes, bases, sizes[::2])

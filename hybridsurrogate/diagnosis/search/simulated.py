@@ -40,8 +40,8 @@ class Place(NamedTuple):
     noise : ndarray of shape (n,)
         Standard deviation of each row, on the scale of eta.
     causes : tuple of Cause
-        All that a search compares with each other, but for outliers, which have no closed form, and
-        what looks only at unusual rows (`Cause.is_screened`).
+        All that a search compares with each other, but for outliers and what looks only at unusual
+        rows (`Cause.is_screened`).
     """
 
     context: SearchContext

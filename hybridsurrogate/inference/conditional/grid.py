@@ -75,9 +75,7 @@ def own_draws(
     first = value.argmax(axis=0), np.arange(S)
     # a start where the simulation fails stays where it is
     value = np.maximum(value[first], _IMPOSSIBLE)
-    mode, _, hessian = optimise_density(
-        log_density, starts[first], value, max_iter=SETTINGS.follow_steps
-    )
+    mode, _, hessian = optimise_density(log_density, starts[first], value)
     factor = PROPOSAL_SCALE * factors(hessian)
     scaled = standard_student_draws((SETTINGS.proposals_each, S, d), random_state)
     points = mode + np.einsum("sij,msj->msi", factor, scaled)
@@ -133,7 +131,7 @@ def grid_draws(
     is whether its cells are smaller than the posterior of most draws.
     """
     d = problem.model.n_unknowns
-    low, high = np.full(d, -SETTINGS.prior_reach), np.full(d, SETTINGS.prior_reach)
+    low, high = np.full(d, -SETTINGS.prior_end), np.full(d, SETTINGS.prior_end)
     noise = noise_grid(problem.noise_prior, problem.scale, problem.weights.sum())
 
     def evaluated(nodes: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from hybridsurrogate.inference.conjugate.factored_rows import FactoredRows
 from hybridsurrogate.inference.sampling.settings import SETTINGS
 from hybridsurrogate.model.observation import MeasuredModel
-from hybridsurrogate.numerics.linear_algebra import BLOCK, blocks
+from hybridsurrogate.numerics.linear_algebra import BLOCK, LARGE_BLOCK, SINGULAR, blocks
 from hybridsurrogate.numerics.psis import level_smooth
 from hybridsurrogate.types import FloatArray, Prior
 
@@ -39,7 +39,7 @@ class SharedDraws:
     def principal(self) -> tuple[FloatArray, FloatArray]:
         """The draws as v @ axes' with v (S, k) of mean square one: v, and axes (p, k)."""
         left, size, right = np.linalg.svd(self.c, full_matrices=False)
-        informed = size > 1e-12 * size[0]
+        informed = size > SINGULAR * size[0]
         root = np.sqrt(len(self.c))
         return root * left[:, informed], right[informed].T * size[informed] / root
 
@@ -149,7 +149,7 @@ def squares_of_pairs(features: FloatArray, residual: FloatArray, draws: SharedDr
     first, second = draws.pairs
     total = np.empty((J, len(c)))
     # the products are read once for each block: not for a handful of nodes
-    for block in blocks(J, p**2, max(BLOCK, SETTINGS.nodes_together * p**2)):
+    for block in blocks(J, p**2, LARGE_BLOCK):
         rest = residual[block] - features[block] @ centre[:, None]
         transposed = np.swapaxes(features[block], 1, 2)
         squares = (transposed @ features[block])[:, first, second]
@@ -185,7 +185,7 @@ def squares_of_factors(
     first, second = draws.pairs
     products = draws.products * (of_inputs.T @ of_inputs)[first, second][:, None]
     total = np.empty((len(of_parameters), len(draws.c)))
-    for block in blocks(len(of_parameters), p**2, max(BLOCK, SETTINGS.nodes_together * p**2)):
+    for block in blocks(len(of_parameters), p**2, LARGE_BLOCK):
         part = of_parameters[block]
         rest = residual - (part * centre) @ of_inputs.T
         cross = part * (rest @ of_inputs)
@@ -265,7 +265,7 @@ def main_directions(problem: MeasuredGiven, z: FloatArray, sigma: float) -> Meas
     follows = model.noise_follows or any("response" in effect.acts_on for effect in model.effects)
     if model.factorises or follows or c.shape[1] < SETTINGS.few_coefficients:
         return problem
-    asked = min(SETTINGS.direction_nodes, len(z), max(1, SETTINGS.direction_rows // len(problem.y)))
+    asked = min(len(z), max(1, SETTINGS.direction_rows // len(problem.y)))
     some = np.unique(np.linspace(0, len(z) - 1, asked).astype(int))
     features = model.parts(problem.X, model.values(z[some])).features.reshape(-1, c.shape[1])
     features = features[np.isfinite(features).all(axis=1)]

@@ -233,7 +233,7 @@ def _by_proposals(
         [modes[0]],
         _noise_of(first_step),
         plain,
-        min(n, SETTINGS.conditional_proposals),
+        min(n, SETTINGS.most_proposals),
         random_state,
     )
     u, share, khat, effective = found.u, found.share, found.khat, found.effective
@@ -315,7 +315,7 @@ def _weighted(
             break
         components = [moment_match(points, share.mean(axis=1), first), *others]
         # what a thousand do not serve, such as ten unknowns of experiments, has all of them
-        n = SETTINGS.conditional_proposals
+        n = SETTINGS.most_proposals
     return _Weighted(u, log_density, log_proposal, share, khat, effective, enough)
 
 

@@ -11,8 +11,6 @@ from hybridsurrogate.numerics.linear_algebra import blocks
 from hybridsurrogate.types import FloatArray, Prior
 
 _N_TABLE = 1500
-# standard deviation of log sigma where an optimiser needs a slope towards noise that is known
-_STEEP = 0.01
 
 # log integral over sigma of prior times likelihood, for residual sums of squares
 LogMarginal = Callable[[FloatArray], FloatArray]
@@ -86,24 +84,12 @@ class NoiseTable:
         self._high = np.log(n) + 2 * np.log(1e4 * scale)
         squares = np.exp(np.linspace(self._low, self._high, _N_TABLE))
         log_sigma, log_weight = noise_grid(noise_prior, scale, n)
-        self._nodes, self._log_prior = log_sigma, np.maximum(log_weight, -1e10)
-        self._least = least
+        width = log_sigma[1] - log_sigma[0]
         if least:
             log_sigma = np.log(np.hypot(np.exp(log_sigma), least))
-        width = self._nodes[1] - self._nodes[0]
         self._values = marginal_over_noise(squares, n, log_sigma, log_weight, _N_TABLE, width)
         self._values -= 0.5 * n * np.log(2 * np.pi)
         self._slopes = np.diff(self._values)
-
-    def log_prior(self, log_sigma: FloatArray) -> FloatArray:
-        """Return the log prior density of log sigma, held at its ends beyond the nodes."""
-        step = self._nodes[1] - self._nodes[0]
-        position = np.clip((log_sigma - self._nodes[0]) / step, 0.0, len(self._nodes) - 1.001)
-        index = np.nan_to_num(position).astype(np.intp)
-        found = self._log_prior[index] + np.diff(self._log_prior)[index] * (position - index)
-        if not self._least:
-            return found
-        return found - 0.5 * (np.minimum(log_sigma - np.log(self._least), 0.0) / _STEEP) ** 2
 
     def __call__(self, squares: FloatArray) -> FloatArray:
         """Return the log integral, linear in log squares between the nodes; NaN stays NaN."""
@@ -125,12 +111,7 @@ class KnownNoise:
 
     def __init__(self, n: int, sigma: float = 1.0):
         self._constant = -0.5 * n * float(np.log(2 * np.pi * sigma**2))
-        self._precision, self._log_sigma = sigma**-2.0, float(np.log(sigma))
-
-    def log_prior(self, log_sigma: FloatArray) -> FloatArray:
-        """Return a log prior density of log sigma that leaves it as good as known."""
-        z = (log_sigma - self._log_sigma) / _STEEP
-        return np.asarray(-0.5 * z**2 - np.log(_STEEP * np.sqrt(2 * np.pi)))
+        self._precision = sigma**-2.0
 
     def __call__(self, squares: FloatArray) -> FloatArray:
         """Return the log density of rows with these sums of squares."""

@@ -57,10 +57,9 @@ class Linearised:
         Factor of the known covariance: the emulator's own error, a remainder, errors that rows
         share.
     log_weight : ndarray of shape (T,)
+        Log prior mass of the nodes.
     noise : ndarray of shape (K, n) or None
         Factor on sigma, K is 1 where the nodes do not touch it, else T. None: one everywhere.
-    outliers : ndarray of shape (T,) or None
-        Share of rows that are outliers; e then has heavy tails. None: e is normal.
     """
 
     mean: FloatArray
@@ -71,7 +70,6 @@ class Linearised:
     U: FloatArray
     log_weight: FloatArray
     noise: FloatArray | None = None
-    outliers: FloatArray | None = None
 
     def at(self, index: NDArray[np.intp] | slice) -> Linearised:
         """Return the model at some of the nodes."""
@@ -86,7 +84,6 @@ class Linearised:
             cap=self.cap[index],
             log_weight=self.log_weight[index],
             noise=noise if noise is None or len(noise) == 1 else noise[index],
-            outliers=None if self.outliers is None else self.outliers[index],
         )
 
     def pieces(self, n_responses: int) -> list[Linearised]:
@@ -110,8 +107,7 @@ class Linearised:
     @property
     def noise_differs(self) -> bool:
         """Whether the nodes differ in the noise of single rows."""
-        several = self.noise is not None and len(self.noise) > 1
-        return several or self.outliers is not None
+        return self.noise is not None and len(self.noise) > 1
 
     def by_noise(self) -> list[tuple[Linearised, FloatArray]]:
         """Split into models of unit noise factor, rows scaled, each with its factor (n,)."""
@@ -172,7 +168,7 @@ class Columns(NamedTuple):
 
 def columns_at_nodes(model: MeasuredModel, X: FloatArray, grid: Grid, z: FloatArray) -> Columns:
     """Return the columns of all causes at every node."""
-    before, values = range(len(model.effects) - 1), _values_at_nodes(model, grid, z)
+    before, values = range(len(model.effects) - 1), values_at_nodes(model, grid, z)
     earlier = model.added_by(before, X, values[:1])[0]
     earlier = earlier * model.column_sd[: earlier.shape[1]]
     process = bool(model.effects) and model.effects[-1].is_process
@@ -206,7 +202,8 @@ def _rms(curves: FloatArray) -> FloatArray:
     return np.maximum(rms, _NOTHING * max(float(np.max(rms, initial=0.0)), 1e-280))
 
 
-def _values_at_nodes(model: MeasuredModel, grid: Grid, z: FloatArray) -> FloatArray:
+def values_at_nodes(model: MeasuredModel, grid: Grid, z: FloatArray) -> FloatArray:
+    """Return the unknowns at every node, those that are not enumerated at z, (T, n_unknowns)."""
     values = np.repeat(model.values(z[None]), len(grid.points), axis=0)
     values[:, grid.nodes] = grid.points
     return values
@@ -227,7 +224,7 @@ def _noise_at_nodes(
     """
     if not model.touches_noise:
         return None
-    values = _values_at_nodes(model, grid, z)
+    values = values_at_nodes(model, grid, z)
     values = values if model.effects and "noise" in model.effects[-1].acts_on else values[:1]
     slopes: list[FloatArray | None] = [None] * len(model.effects)
     if any(effect.follows_slope for effect in model.effects):
@@ -444,11 +441,8 @@ def _linearise(
         rms = np.concatenate([rms, columns.rms], axis=1)
         cap = np.concatenate([cap, np.full(columns.rms.shape, np.inf)], axis=1)
     noise = _noise_at_nodes(model, X, grid, z, emulator.mean, around.output)
-    outliers = None
-    if any("outliers" in effect.acts_on for effect in model.effects):
-        outliers = model.outlier_share(_values_at_nodes(model, grid, z))
     log_weight = grid.log_weight + _odds_of_places(model, grid, H)
-    return Linearised(around.mean, G, H, rms, cap, U, log_weight, noise, outliers)
+    return Linearised(around.mean, G, H, rms, cap, U, log_weight, noise)
 
 
 def _is_of_noise(model: MeasuredModel) -> NDArray[np.bool_]:

@@ -21,11 +21,11 @@ the prior mass of all of them: the evidence of the whole grid stays an average o
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 
-from hybridsurrogate.inference.conjugate.noise_marginal import KnownNoise, NoiseTable
 from hybridsurrogate.inference.evidence.grid import Grid, with_cells
 from hybridsurrogate.inference.evidence.linearised import (
     Columns,
@@ -36,7 +36,7 @@ from hybridsurrogate.inference.evidence.linearised import (
     linearise,
     linearised_pieces,
 )
-from hybridsurrogate.inference.evidence.outliers import heavy_fit, heavy_scan
+from hybridsurrogate.inference.evidence.outliers import Noise, as_normal_rows
 from hybridsurrogate.inference.evidence.settings import SETTINGS
 from hybridsurrogate.model.observation import MeasuredModel
 from hybridsurrogate.model.statistics import EmulatorPosterior
@@ -289,15 +289,10 @@ def scan(
     sigma : float
         Noise scale of the penalised fit, relative to the priors of parameters and sizes.
     log_marginal : callable
-        Log integral over sigma as a function of the residual sum of squares; a `NoiseTable` or
-        `KnownNoise` where there are outliers.
+        Log integral over sigma as a function of the residual sum of squares.
     sizes : ndarray of shape (K,)
         Prior scales of the effect's root mean square, equally probable.
     """
-    if parts.outliers is not None:
-        assert isinstance(log_marginal, NoiseTable | KnownNoise)
-        log_prior = log_marginal.log_prior
-        return np.stack([heavy_scan(parts, y, sigma, log_prior, sizes) for y in responses])
     evidence = []
     for unit, factor in parts.by_noise():
         y, covariance = responses / factor, known_covariance(unit.U, sigma)
@@ -437,8 +432,12 @@ def optimise(
     size: float,
     columns: Columns | None = None,
     recent: RecentSlopes | None = None,
+    possible: Noise = np.asarray,
 ) -> LocalMode:
     """Follow the linearised model to its best fit by Gauss-Newton steps, nodes re-enumerated.
+
+    Where it has outliers, rows have the scales that the best node gives them at the start: a call
+    from where this one ended is a step of the EM algorithm.
 
     Parameters
     ----------
@@ -452,6 +451,8 @@ def optimise(
         Where they are known from `columns_at_nodes`.
     recent : RecentSlopes, optional
         Of the same rows and emulator.
+    possible : callable, default=numpy.asarray
+        Of estimates of sigma (T,): those that are possible.
     """
     best: LocalMode | None = None
     point, step = np.array(z, dtype=float), 1.0
@@ -460,9 +461,18 @@ def optimise(
     if columns is None:
         columns = columns_at_nodes(model, X, grid, point)
     followed = np.arange(len(grid.points))
+    noise, factor = None, 0.0
+    if model.acts_on("outliers"):
+        plain = linearise(model, X, emulator, grid, point, columns, recent)
+        parts = as_normal_rows(plain, model, grid, point, y, sigma, size, possible)
+        nodes = scan(parts, y[None], sigma, _free_noise(len(y)), np.array([size]))[0]
+        followed = np.argmax(nodes, keepdims=True)
+        grid, columns, parts = grid.at(followed), columns.at(followed), parts.at(followed)
+        noise, factor = parts.noise, float((parts.log_weight - plain.log_weight[followed])[0])
     costly = bool(len(grid.nodes)) and model.effects[-1].touches_simulation
     for _ in range(SETTINGS.max_steps):
         parts = linearise(model, X, emulator, grid, proposal, columns, recent)
+        parts = parts if noise is None else replace(parts, noise=noise)
         here, move, deviance = _solve(parts, y, grid, proposal, sigma, size)
         promised = here.objective - float((deviance + 2 * parts.log_weight)[here.node])
         here = here._replace(node=int(followed[here.node]))
@@ -485,17 +495,13 @@ def optimise(
             break
         proposal = point + step * (target - point)
     assert best is not None
-    return best
+    return best._replace(objective=best.objective - 2 * factor)
 
 
 def _solve(
     parts: Linearised, y: FloatArray, grid: Grid, z: FloatArray, sigma: float, size: float
 ) -> tuple[LocalMode, FloatArray, FloatArray]:
     """Return the fit at z, columns free, the z of the best linear model, and (T,) deviance."""
-    if parts.outliers is not None:
-        heavy = heavy_fit(parts, y, grid, z, sigma, size)
-        mode = LocalMode(z.copy(), heavy.squares, heavy.objective, heavy.node)
-        return mode, heavy.move, heavy.deviance
     T, _, q = parts.H.shape
     d, s = parts.G.shape[2], len(grid.sizes)
     units = [_normal_equations(unit, y / factor, sigma) for unit, factor in parts.by_noise()]
@@ -572,6 +578,11 @@ def _normal_equations(
     return normal, right, np.broadcast_to(inner[:, d, d], (T,)), log_det, whiten
 
 
+def _free_noise(n: int) -> Callable[[FloatArray], FloatArray]:
+    """Return the log density of n rows as a function of their squares, sigma at its best."""
+    return lambda squares: np.asarray(-0.5 * n * np.log(squares))
+
+
 # nodes that are kept each, and groups of others
 _BEST, _GROUPS = 300, 100
 
@@ -599,14 +610,9 @@ def shortened(
     """
     if not is_long(model, X, grid):
         return grid
-    n = len(y)
-
-    def free_noise(squares: FloatArray) -> FloatArray:
-        return np.asarray(-0.5 * n * np.log(squares))
-
     density = np.concatenate(
         [
-            scan(parts, y[None], sigma, free_noise, np.array([size]))[0] - parts.log_weight
+            scan(parts, y[None], sigma, _free_noise(len(y)), np.array([size]))[0] - parts.log_weight
             for parts in linearised_pieces(model, X, emulator, grid, z)
         ]
     )

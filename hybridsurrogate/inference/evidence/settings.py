@@ -86,14 +86,6 @@ class SearchSettings:
     widest_population, population_rows, followed_of_many : int
         Starting places of an optimisation at most, rows of their outputs at most, and places
         followed where a run is quick and rows are few.
-    outlier_converged : float
-        Relative move of the noise at which EM has arrived at the mode with outliers.
-    outlier_newton : float
-        EM is cut off: what a last Newton step may promise at most.
-    outlier_least_curvature, outlier_longest_step : float
-        In the log of the noise: the curvature that a row has at least, and the longest step.
-    emulator_share : float
-        With outliers, errors of an emulator below this share of the noise are left out.
     """
 
     prior_none: float = 0.5
@@ -140,11 +132,6 @@ class SearchSettings:
     widest_population: int = 8000
     population_rows: int = 800_000
     followed_of_many: int = 32
-    outlier_converged: float = 3e-3
-    outlier_newton: float = 1.0
-    outlier_least_curvature: float = 0.3
-    outlier_longest_step: float = 0.5
-    emulator_share: float = 0.1
 
 
 SETTINGS = SearchSettings()

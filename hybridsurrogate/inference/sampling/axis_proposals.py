@@ -23,6 +23,7 @@ from hybridsurrogate.inference.conjugate.target import Target
 from hybridsurrogate.inference.sampling.modes import Gaussian, distinct, factors, optimise_density
 from hybridsurrogate.inference.sampling.settings import SETTINGS
 from hybridsurrogate.model.observation import MeasuredModel
+from hybridsurrogate.numerics.linear_algebra import NEGLIGIBLE, SINGULAR
 from hybridsurrogate.priors import to_normal
 from hybridsurrogate.types import FloatArray
 
@@ -85,7 +86,7 @@ def ridge_through(target: Target, mode: Gaussian) -> Ridge | None:
     # Laplace in the others at each point of the curve
     log_mass = np.array([node.value for node in path])
     log_mass += np.log(np.diagonal(factor, axis1=1, axis2=2)).sum(axis=1)
-    even = np.linspace(s[0], s[-1], SETTINGS.even_points)
+    even = np.linspace(s[0], s[-1], SETTINGS.bins)
     share = special.softmax(CubicSpline(s, log_mass)(even))
     mean = np.zeros(len(mode.mean))
     mean[position] = share @ even
@@ -123,7 +124,7 @@ def _followed_ridge(
     """Return the points of a ridge from its mode on, to either side."""
     first = _climbed(target, position, mode[[position]], np.delete(mode, position)[None])[0]
     sides, best = ([first], [first]), first.value
-    least = min(SETTINGS.ridge_spacing, SETTINGS.ridge_share * spread)
+    least = min(SETTINGS.ridge_spacing, spread)
     most, spacing = max(least, spread), [-least, least]
     going = [0, 1]
     while going:
@@ -162,15 +163,11 @@ def _distance(guess: FloatArray, node: _Node) -> float:
 
 
 def _extrapolated(path: list[_Node], slope: FloatArray, s: float) -> FloatArray:
-    """Return the polynomial through the last points of a path at s; the slope beyond the first."""
-    near = path[-SETTINGS.ridge_near :]
-    if len(near) == 1:
-        return near[0].x + (s - near[0].s) * slope
-    at, out = np.array([node.s for node in near]), np.zeros_like(slope)
-    for k, node in enumerate(near):
-        # Lagrange
-        others = np.delete(at, k)
-        out += np.prod((s - others) / (at[k] - others)) * node.x
+    """Return the spline through a path beyond its end, at s; the slope beyond the first point."""
+    if len(path) == 1:
+        return path[0].x + (s - path[0].s) * slope
+    known = sorted(path, key=lambda node: node.s)
+    out: FloatArray = CubicSpline([node.s for node in known], [node.x for node in known])(s)
     return out
 
 
@@ -248,13 +245,12 @@ def _line(
         # with the others held: how the density falls off where they follow is the mode's affair
         sd = float(precision[position, position] ** -0.5)
         z = _points_around(mode.mean[position], sd, nodes)
-        value = target.search_density(_between(mode.mean[None], position, z))
-        edges, log_mass = _cells(z, value)
+        edges, log_mass = _cells(z, target.search_density(_along(mode.mean, position, z)))
         share = np.exp(log_mass - special.logsumexp(log_mass))
         normal = np.diff(special.ndtr((edges - mode.mean[position]) / sd))
         distance = 0.5 * float(np.abs(share - normal).sum())
         if distance > worst:
-            worst, chosen = distance, (position, nodes, z)
+            worst, chosen = distance, (position, edges, log_mass)
     if chosen is None:
         return Line(mode, [mode])
     bins = _bins(target, mode, *chosen)
@@ -264,12 +260,8 @@ def _line(
 
 def _points_around(centre: float, sd: float, nodes: FloatArray) -> FloatArray:
     """Return points on a line, close around the centre, with the nodes between them."""
-    offsets = (
-        sd
-        * 2.0 ** np.arange(SETTINGS.windows)[:, None]
-        * np.linspace(-1, 1, SETTINGS.window_points)
-    )
-    z = np.concatenate([centre + offsets.ravel(), nodes])
+    away = np.geomspace(sd / SETTINGS.bins, 2 * SETTINGS.prior_end, SETTINGS.line_points)
+    z = np.concatenate([centre - away, [centre], centre + away, nodes])
     return np.unique(z[np.abs(z) <= SETTINGS.prior_end])
 
 
@@ -280,44 +272,19 @@ def _cells(z: FloatArray, value: FloatArray) -> tuple[FloatArray, FloatArray]:
         return edges, value + np.log(np.diff(edges))
 
 
-def _refined(
-    target: Target,
-    ridge: FloatArray,
-    position: int,
-    z: FloatArray,
-) -> tuple[FloatArray, FloatArray]:
-    """Return points along one unknown and their log densities, close where these change.
-
-    Evenly over the prior too, the other unknowns on the ridge.
-    """
-    z = np.union1d(z, special.ndtri((np.arange(SETTINGS.even_points) + 0.5) / SETTINGS.even_points))
-    value = target.search_density(_between(ridge, position, z))
-    for _ in range(SETTINGS.line_halvings):
-        with np.errstate(invalid="ignore"):
-            steep = np.abs(np.diff(value)) > SETTINGS.steep
-        steep &= np.maximum(value[1:], value[:-1]) > value.max() - SETTINGS.line_deep
-        middle = 0.5 * (z[1:] + z[:-1])[steep]
-        if not len(middle):
-            break
-        at = np.flatnonzero(steep) + 1
-        value = np.insert(value, at, target.search_density(_between(ridge, position, middle)))
-        z = np.insert(z, at, middle)
-    return z, value
-
-
-def _between(ridge: FloatArray, position: int, z: FloatArray) -> FloatArray:
-    """Return points with one unknown at z, the others interpolated between points of a ridge."""
-    at = ridge[:, position]
-    others = (np.interp(z, at, ridge[:, k]) for k in range(ridge.shape[1]))
-    return np.column_stack([z if k == position else other for k, other in enumerate(others)])
+def _along(point: FloatArray, position: int, z: FloatArray) -> FloatArray:
+    """Return a point (d,) with one unknown at each z (m,), shape (m, d)."""
+    out = np.tile(point, (len(z), 1))
+    out[:, position] = z
+    return out
 
 
 def _bins(
     target: Target,
     mode: Gaussian,
     position: int,
-    nodes: FloatArray,
-    z: FloatArray,
+    edges: FloatArray,
+    log_mass: FloatArray,
 ) -> list[Gaussian]:
     """Return proposals along one unknown, each around where the others are most probable there.
 
@@ -328,16 +295,11 @@ def _bins(
     others = np.arange(len(mode.mean)) != position
     slope = covariance[others, position] / covariance[position, position]
     rest = covariance[np.ix_(others, others)] - np.outer(slope, covariance[position, others])
-    rest_factor = np.linalg.cholesky(rest + 1e-12 * np.trace(rest) * np.eye(len(rest)))
-    start = np.unique(
-        np.append(nodes[:: -(-len(nodes) // SETTINGS.followed_nodes)], mode.mean[position])
-    )
-    straight = _between(mode.mean[None], position, start)
-    ridge, _, _ = _followed(target, straight, others, rest_factor)
-    at = _bin_edges(*_cells(*_refined(target, ridge, position, z)))
-    middles = _between(ridge, position, 0.5 * (at[1:] + at[:-1]))
+    rest_factor = np.linalg.cholesky(rest + SINGULAR * np.trace(rest) * np.eye(len(rest)))
+    at = _bin_edges(edges, log_mass)
+    middles = _along(mode.mean, position, 0.5 * (at[1:] + at[:-1]))
     means, value, width = _followed(target, middles, others, rest_factor)
-    spread = np.maximum(SETTINGS.bin_sd * np.diff(at), 1e-6 * (at[-1] - at[0]))
+    spread = np.maximum(SETTINGS.bin_sd * np.diff(at), NEGLIGIBLE * (at[-1] - at[0]))
     volume = np.log(np.diagonal(rest_factor) * width).sum(axis=1)
     mass = value + np.log(spread / SETTINGS.bin_sd) + volume + 0.5 * len(rest) * np.log(2 * np.pi)
     mass = np.maximum(mass, special.logsumexp(mass) + np.log(SETTINGS.least_share))

@@ -15,6 +15,8 @@ from scipy import special
 
 from hybridsurrogate.inference.sampling.modes import Gaussian, LogDensity
 from hybridsurrogate.inference.sampling.settings import SETTINGS
+from hybridsurrogate.model.posterior import LEAST_EFFECTIVE
+from hybridsurrogate.numerics.linear_algebra import SINGULAR
 from hybridsurrogate.numerics.psis import KHAT_LIMIT, level_smooth, pareto_smooth
 from hybridsurrogate.types import FloatArray
 
@@ -182,7 +184,7 @@ def moment_match(points: FloatArray, weight: FloatArray, fallback: Gaussian) -> 
     effective = 1 / np.sum(weight**2)
     share = effective / (effective + 2 * d)
     covariance = share * covariance + (1 - share) * fallback.factor @ fallback.factor.T
-    covariance += 1e-12 * np.trace(covariance) / d * np.eye(d)
+    covariance += SINGULAR * np.trace(covariance) / d * np.eye(d)
     return Gaussian(mean, np.linalg.cholesky(covariance), fallback.log_mass)
 
 
@@ -334,7 +336,7 @@ def _smoothed_by_cell(log_weight: FloatArray, cells: list[Cell]) -> tuple[FloatA
     khats = []
     for cell in cells:
         khats.append(np.inf)
-        if np.count_nonzero(np.isfinite(log_weight[cell])) >= SETTINGS.fewest_near:
+        if np.count_nonzero(np.isfinite(log_weight[cell])) >= LEAST_EFFECTIVE:
             out[cell], khats[-1] = level_smooth(log_weight[cell])
     return out, khats
 
@@ -399,12 +401,12 @@ def matched_draws(
     d = proposals.points.shape[1] - n_noise
     log_weight = log_density(proposals.points) - proposals.log_density
     smoothed, khat = pareto_smooth(log_weight)
-    for k in range(SETTINGS.max_transforms):
+    for how in ("mean", "scales", "covariance"):
         weight = np.exp(smoothed - special.logsumexp(smoothed))
         effective = 1 / np.sum(weight**2)
         if khat <= KHAT_LIMIT and effective >= SETTINGS.enough_matched * len(weight):
             break
-        moved = _moved(proposals, weight, d, ("mean", "scales", "covariance")[k % 3])
+        moved = _moved(proposals, weight, d, how)
         new_weight = log_density(moved.points) - moved.log_density
         new_smoothed, new_khat = pareto_smooth(new_weight)
         if new_khat < khat:

@@ -56,7 +56,7 @@ def starting_points(
         rows = partial, target.X, target.y, emulator
         grid = shortened(*rows, grid, z, sigma, size)
         for round_ in range(EVIDENCE.looks):
-            mode = optimise(*rows, grid, z, sigma, size)
+            mode = optimise(*rows, grid, z, sigma, size, possible=lambda s: np.maximum(s, floor))
             z = mode.z.copy()
             if not round_:
                 best = best_of_global_starts(*rows, grid, before_it, z, floor)
@@ -219,7 +219,6 @@ def optimise_density(
     x: FloatArray,
     value: FloatArray,
     step_share: float = 0.1,
-    max_iter: int = SETTINGS.mode_steps,
     prune: bool = False,
     least_step: float = 0.0,
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -231,7 +230,7 @@ def optimise_density(
     step = np.full(x.shape, max(1e-4, least_step))
     damping = np.full(len(x), 1e-3)
     active = np.ones(len(x), dtype=bool)
-    for iteration in range(max_iter):
+    for iteration in range(SETTINGS.mode_steps):
         if prune and iteration >= 4:  # starts far below the best will not matter
             active &= value > value.max() - 25.0
         if not active.any():
@@ -248,7 +247,7 @@ def optimise_density(
         diagonal = np.abs(np.einsum("jkk->jk", curvature))
         share = step_share * np.clip(1 / np.sqrt(np.maximum(diagonal, 1e-8)), 1e-7, 0.5)
         step[index] = np.maximum(share, least_step)
-        done = (better & (gain < 1e-3)) | (damping[index] > 1e4)
+        done = (better & (gain < SETTINGS.mode_gain)) | (damping[index] > 1e4)
         active[index[done]] = False
     _, hessian = _differences(log_density, np.arange(len(x)), x, value, step)
     return x, value, hessian

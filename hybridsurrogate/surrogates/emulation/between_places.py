@@ -16,13 +16,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import make_interp_spline
 
+from hybridsurrogate.numerics.linear_algebra import NEGLIGIBLE
 from hybridsurrogate.types import FloatArray
 
 # places and outputs (n_runs, n_places) of runs that have all of them
 Piece = tuple[FloatArray, FloatArray]
-
-# the share of the distance to a place within which rows count as at that place
-_AT_PLACE = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,11 +78,11 @@ class BetweenPlaces:
         k = np.clip(np.searchsorted(self.places, x, side="right") - 1, 0, len(self.middle) - 1)
         u = (x - self.places[k]) / np.diff(self.places)[k]
         u = np.where(u < 0, np.minimum(-u, 0.5), np.where(u > 1, np.maximum(2 - u, 0.5), u))
-        return k, np.where(np.minimum(u, 1 - u) < _AT_PLACE, np.round(u), u)
+        return k, np.where(np.minimum(u, 1 - u) < NEGLIGIBLE, np.round(u), u)
 
 
 def _half_logit(u: FloatArray) -> FloatArray:
-    inside = np.clip(u, _AT_PLACE, 1 - _AT_PLACE)
+    inside = np.clip(u, NEGLIGIBLE, 1 - NEGLIGIBLE)
     return 0.5 * np.log(inside / (1 - inside))
 
 

@@ -24,7 +24,12 @@ from scipy.linalg import cho_solve, cholesky, solve_triangular
 from scipy.linalg.lapack import dpstrf
 from scipy.optimize import minimize
 
-from hybridsurrogate.numerics.linear_algebra import blocks, in_turn, nudged_cholesky
+from hybridsurrogate.numerics.linear_algebra import (
+    NEGLIGIBLE,
+    blocks,
+    in_turn,
+    nudged_cholesky,
+)
 from hybridsurrogate.surrogates.basis import Basis
 from hybridsurrogate.types import FloatArray
 
@@ -345,8 +350,6 @@ _ROOT = np.sqrt(5.0)
 _SEARCHED, _POLISH = 200, 15
 # of the outputs' spread, to which runs are predicted
 _DIGITS = 0.01
-# a smaller bend is as good as none
-_STRAIGHT = 1e-6
 
 
 class Covariance(NamedTuple):
@@ -490,7 +493,7 @@ def _bent_by(points: FloatArray, bends: FloatArray) -> FloatArray:
 
 
 def _at_least_straight(bends: FloatArray) -> FloatArray:
-    return np.where(np.abs(bends) < _STRAIGHT, _STRAIGHT, bends)
+    return np.where(np.abs(bends) < NEGLIGIBLE, NEGLIGIBLE, bends)
 
 
 def learned(

@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import BSpline, make_interp_spline
 
 from hybridsurrogate.numerics.linear_algebra import (
+    NEGLIGIBLE,
     blocks,
     each_with_each,
     pivoted_cholesky,
@@ -256,8 +257,6 @@ def _filled(table: FloatArray) -> FloatArray:
     return out
 
 
-# the residual of a variance when its factor has enough columns, in shares of the largest
-_NEGLIGIBLE = 1e-6
 # columns at most of the error of interpolation; the residual shares one
 _MOST_BETWEEN = 500
 
@@ -408,7 +407,7 @@ class CurveEmulator:
                 alike = places.alike(places.of(slice(of[k], of[k] + 1)))[of, 0]
                 return own * own[k] * along * alike
 
-            least = max(_NEGLIGIBLE * float(np.max(own**2)), float(np.mean(missed**2)))
+            least = max(NEGLIGIBLE * float(np.max(own**2)), float(np.mean(missed**2)))
             some, _ = pivoted_cholesky(own**2, column, least, _MOST_BETWEEN)
             factor = np.zeros((len(X), some.shape[1]))
             factor[off] = some
@@ -439,7 +438,7 @@ class CurveEmulator:
 def _factor(covariance: FloatArray) -> FloatArray:
     """Return F (n, r) with F F' the covariance (n, n), but for what is negligible."""
     return pivoted_factor(
-        covariance, _NEGLIGIBLE * float(np.max(np.diagonal(covariance), initial=0))
+        covariance, NEGLIGIBLE * float(np.max(np.diagonal(covariance), initial=0))
     )
 
 

@@ -12,6 +12,7 @@ from scipy import stats
 from sklearn.utils import check_scalar
 
 from hybridsurrogate.arguments import as_real, check_choice
+from hybridsurrogate.numerics.linear_algebra import NEGLIGIBLE, SINGULAR
 from hybridsurrogate.priors import check_prior
 from hybridsurrogate.surrogates.basis import Basis, Domain, Factors, Surrogate, register
 from hybridsurrogate.surrogates.families.polynomial_chaos import legendre, multi_indices
@@ -26,10 +27,6 @@ _ROUGH_DEGREE = {1: 60, 2: 16, 3: 8, 4: 6}
 _MAX_DIMENSIONS_DEGREE = 4
 # the polynomials live on a range this much wider, beyond which the process is held constant
 _MARGIN = 1.15
-# a direction whose standard deviation is this share of the first one's does not matter
-_NEGLIGIBLE = 1e-6
-# share of the prior variance that stands for rounding
-_JITTER = 1e-10
 
 
 class GaussianProcess(Surrogate):
@@ -138,7 +135,7 @@ class _ProcessBasis(Basis):
             # the size of a column is the product of the sizes of its one-dimensional parts
             sizes = [np.sqrt(np.sum(one**2, axis=1)) for one in ones]
             size = np.prod([s[:, kept[:, k]] for k, s in enumerate(sizes)], axis=0)
-            kept = kept[(size > _NEGLIGIBLE * size[:, :1]).any(axis=0)]
+            kept = kept[(size > NEGLIGIBLE * size[:, :1]).any(axis=0)]
         ones[0] = ones[0] * hyper[:, -1, None, None]
         out = np.ones((1, 1))
         for k, one in enumerate(ones):
@@ -182,7 +179,7 @@ def _one_dimensional_factor(kernel: str, length_scale: FloatArray, degree: int) 
     correlation = _correlation(kernel, distance / length_scale[:, None, None])
     projected = weighted @ correlation @ weighted.T
     # the eigenvalues fall below rounding: a jitter of a share of the first keeps the factor real
-    projected += _JITTER * np.eye(degree + 1)
+    projected += SINGULAR * np.eye(degree + 1)
     return np.linalg.cholesky(projected)
 
 

@@ -85,7 +85,7 @@ def test_a_fast_simulation_is_not(clock):
 
 
 def test_what_costs_the_same_for_many_is_timed_with_many(clock):
-    assert simulation.seconds_a_run(timed(clock.simulation(0.2, 0))) == pytest.approx(0.001)
+    assert simulation.seconds_a_run(timed(clock.simulation(0.2, 0))) < 0.001
 
 
 def test_an_emulator_costs_no_runs():

@@ -24,7 +24,7 @@ def _counts(random, n=60, mean=20.0, ratio=1.0, factor=0.0):
 @pytest.fixture
 def few_replicates(monkeypatch):
     """A p-value has its level with 199 as with thousands."""
-    monkeypatch.setattr(data, "_N_REPLICATES", 199)
+    monkeypatch.setattr(data, "REPLICATES", 199)
 
 
 def _p_values(make, likelihood, seeds=100):
