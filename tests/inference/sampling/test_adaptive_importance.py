@@ -267,6 +267,10 @@ def test_the_place_of_a_jump_has_the_exact_posterior(seed):
     found, _ = np.histogram(model.posterior_.estimates(0)["location"], bins=t)
     # at least 1000 of the proposals are effective
     assert 0.5 * np.abs(found / 4000 - share / np.sum(share)).sum() < 0.05
+    # every place between the first row and the last is equally probable before
+    log_evidence = np.log(np.sum(share) * (sigma[1] - sigma[0]) / (t[-1] - t[0]))
+    fitted = model.diagnostics_
+    assert fitted.log_evidence == pytest.approx(log_evidence, abs=4 * fitted.log_evidence_error)
 
 
 # what is asserted is the number of effective draws; a fit may warn of its k-hat all the same

@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from batches import DECAY, batches
-from scipy import stats
+from scipy import special, stats
 
 import hybridsurrogate as hs
 from hybridsurrogate.inference.procedure import make_target
@@ -74,6 +74,10 @@ def test_spread_agrees_with_quadrature(spread):
     squares = np.sum((means - 0) ** 2) - 2 * m * means.sum() + n * m**2
     log_density = -0.5 * squares / variance - 0.5 * n * np.log(variance)
     log_density = log_density - 0.5 * within / sigma**2 - n * (rows - 1) * np.log(sigma)
+    constant = -0.5 * n * rows * np.log(2 * np.pi) - 0.5 * n * np.log(rows)
+    log_evidence = special.logsumexp(log_density) - np.log(log_density.size) + constant
+    fitted = model.diagnostics_
+    assert fitted.log_evidence == pytest.approx(log_evidence, abs=4 * fitted.log_evidence_error)
     weight = np.exp(log_density - log_density.max()).sum(axis=(1, 2))
     expected = np.interp([0.1, 0.5, 0.9], np.cumsum(weight) / weight.sum(), s[:, 0, 0])
     found = np.quantile(model.posterior_.estimates(0)["spread"], [0.1, 0.5, 0.9])
