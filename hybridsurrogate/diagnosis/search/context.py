@@ -214,16 +214,21 @@ class SearchContext:
         nowhere = LocalMode(grid.neutral, np.inf, np.inf, 0)
         return min(modes, key=lambda found: self.deviance(found, sigma), default=nowhere)
 
-    def converge(self, fit: Fitted) -> Fitted:
-        """Climb on with the noise that the fit suggests, and a finer grid where the evidence is."""
+    def converge(self, fit: Fitted, enough: float = -np.inf) -> Fitted:
+        """Climb on with the noise that the fit suggests, and a finer grid where the evidence is.
+
+        Until at two finer grids in a row the best node gains so little that as much in every round
+        would leave it below ``enough``, a log evidence. One alone may be the price of a step up.
+        """
         model, grid, mode, sigma = fit
         if not np.isfinite(mode.objective):
             return fit
         size = np.array([self.largest_size])
         columns = columns_at_nodes(model, self.problem.X, grid, mode.z)
         levels: FloatArray = np.empty(0)
-        fruitless = 0
-        for round_ in range(SETTINGS.max_refinements):
+        fruitless = slow = 0
+        rounds = SETTINGS.max_refinements
+        for round_ in range(rounds):
             before, sigma = sigma, self.noise_of(mode, sigma)
             steady = round_ > 0 and sigma > (1 - SETTINGS.converged_noise) * before
             finer = grid
@@ -232,10 +237,12 @@ class SearchContext:
                 found = best_levels(grid, nodes)
                 # a jump has one level between two rows, however fine the grid
                 same = len(found) == len(levels)
-                same = same and abs(found[-1] - levels[-1]) < SETTINGS.same_evidence
+                gain = found[-1] - levels[-1] if len(levels) else np.inf
+                same = same and abs(gain) < SETTINGS.same_evidence
+                slow = slow + 1 if found[-1] + rounds * gain < enough else 0
                 levels, fruitless = found, fruitless + 1 if same else 0
-                enough = fruitless >= SETTINGS.fruitless_refinements
-                finer = grid if enough else refine(model, grid, nodes)
+                stops = fruitless >= SETTINGS.fruitless_refinements or slow > 1
+                finer = grid if stops else refine(model, grid, nodes)
             unchanged = finer is grid
             grid = finer
             if unchanged and steady:

@@ -66,16 +66,16 @@ def best_modes(
                 fits.append(_once(context, model, grid, null))
             else:
                 fits.append(_unchanged(model, grid, end, null, len(problem.y)))
-        behind = np.full(len(causes), np.nan)
+        behind, enough = np.full(len(causes), np.nan), -np.inf
         if is_coarse:
             # a first fit may have found a lower mode on too coarse a grid
-            behind = _far_behind(context, [null, *fits], log_prior)
+            behind, enough = _far_behind(context, [null, *fits], log_prior)
         for k in map(int, np.flatnonzero(np.isnan(behind))):
             if causes[k].is_correlated_noise or is_followed(causes[k]):
                 continue
             # where those in other rows ended is nearly it, on a grid that is fine already
             if is_coarse or nearby[k] is None:
-                fits[k] = context.converge(fits[k])
+                fits[k] = context.converge(fits[k], enough - log_prior[1 + k])
     except KeyboardInterrupt as stop:
         raise InterruptedSearch(fits) from stop
     return fits, behind
@@ -132,8 +132,10 @@ def _once(context: SearchContext, model: MeasuredModel, grid: Grid, null: Fitted
 
 def _far_behind(
     context: SearchContext, fits: Sequence[Fitted], log_prior: FloatArray
-) -> FloatArray:
+) -> tuple[FloatArray, float]:
     """Return the log evidence of causes that are far behind; NaN for the others, failed or not.
+
+    And the log evidence from which a cause is not, with its prior odds.
 
     The first of the fits is that of "nothing is wrong". The stronger the data, the more a grid
     misses between its nodes: what a finer one reaches counts, too.
@@ -145,14 +147,14 @@ def _far_behind(
     # could not be followed at all gets its other starting points, too
     of_any_shape = [any(e.kind == "unexplained" for e in fit.model.effects[-1:]) for fit in fits]
     weight = np.where(np.isfinite(reached), reached + log_prior, -np.inf)
-    enough = np.max(weight[~np.array(of_any_shape)], initial=-np.inf) - SETTINGS.behind
+    enough = float(np.max(weight[~np.array(of_any_shape)], initial=-np.inf)) - SETTINGS.behind
     behind = weight < enough
     for k in map(int, np.flatnonzero(behind & np.isfinite(reached))):
         if len(fits[k].grid.nodes):
             missed = _between_nodes(context, fits[k], scans[k], sizes)
             # what gains so much without an optimisation may gain as much again by one
             behind[k] = weight[k] + missed < enough and missed < SETTINGS.behind
-    return np.where(behind & np.isfinite(reached), reached, np.nan)[1:]
+    return np.where(behind & np.isfinite(reached), reached, np.nan)[1:], enough
 
 
 def _between_nodes(

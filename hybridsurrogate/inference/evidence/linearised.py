@@ -120,17 +120,12 @@ class Linearised:
             for index, factor in zip(nodes, self.noise, strict=True)
         ]
 
-    def whitened(self, whiten: Callable[[FloatArray, int], FloatArray]) -> Linearised:
-        """Return the model of rows ``whiten(rows, axis)``, which no known covariance ties."""
+    def whitened(self, whiten: Callable[[FloatArray], FloatArray]) -> Linearised:
+        """Return the model of rows ``whiten(rows)``, last axis, which no known covariance ties."""
         if not self.U.size:
             return self
-        return replace(
-            self,
-            mean=whiten(self.mean, 1),
-            G=whiten(self.G, 1),
-            H=whiten(self.H, 1),
-            U=self.U[:, :0],
-        )
+        G, H = (np.swapaxes(whiten(np.swapaxes(a, 1, 2)), 1, 2) for a in (self.G, self.H))
+        return replace(self, mean=whiten(self.mean), G=G, H=H, U=self.U[:, :0])
 
     def _over(self, factor: FloatArray) -> Linearised:
         column = factor[:, None]

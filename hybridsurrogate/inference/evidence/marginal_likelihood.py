@@ -269,8 +269,8 @@ _NO_SIZE = 1e-100
 # a smaller gain of the objective, or a smaller one that is promised, is none
 _LEAST_GAIN = 1e-4
 
-# whitened values, their rows along an axis
-Whiten = Callable[[FloatArray, int], FloatArray]
+# whitened values (..., n), rows along the last axis
+Whiten = Callable[[FloatArray], FloatArray]
 
 
 def scan(
@@ -326,10 +326,9 @@ def scan_with_process(
     """
     ((unit, factor),) = parts.by_noise()
     whiten, log_det = _whitener(unit.U, sigma)
-    y, unit = whiten(response / factor, 0)[None], unit.whitened(whiten)
+    y, unit = whiten(response / factor)[None], unit.whitened(whiten)
     covariances = [
-        scaled_covariances(whiten(basis / np.reshape(factor, (-1, 1)), 0), process_sizes, sigma)
-        for basis in bases
+        scaled_covariances(whiten(basis.T / factor).T, process_sizes, sigma) for basis in bases
     ]
     out = [
         [
@@ -385,18 +384,16 @@ def _of_products(
 def _whitener(U: FloatArray, sigma: float) -> tuple[Whiten, float]:
     """Return a map that gives rows with covariance sigma^2 I + U U' the covariance sigma^2 I."""
     if not U.size:
-        return (lambda values, axis: values), 0.0
+        return (lambda values: values), 0.0
     # with L L' = I + U'U / sigma^2 the map W = I - U (L' + I)^-1 L^-1 U' / sigma^2 has
     # W'W = (I + U U' / sigma^2)^-1, and the determinant is that of L: no decomposition of n rows
     one = np.eye(U.shape[1])
     factor = nudged_cholesky((one + U.T @ U / sigma**2)[None])[0]
-    inner = np.linalg.solve(factor.T + one, np.linalg.inv(factor)) / sigma**2
+    taken = (U @ np.linalg.solve(factor.T + one, np.linalg.inv(factor)) / sigma**2).T
 
-    def whiten(values: FloatArray, axis: int) -> FloatArray:
-        moved = np.moveaxis(values, axis, 0)
-        flat = moved.reshape(len(moved), -1)
-        flat = flat - U @ (inner @ (U.T @ flat))
-        return np.moveaxis(flat.reshape(moved.shape), 0, axis)
+    def whiten(values: FloatArray) -> FloatArray:
+        flat = values.reshape(-1, len(U))
+        return (flat - (flat @ U) @ taken).reshape(values.shape)
 
     return whiten, float(log_det_of(factor[None])[0])
 
@@ -526,13 +523,13 @@ def _solve(
     whiten, log_det = units[0][4], units[0][3]
     if parts.noise is not None:
         whiten, log_det = _whitener(unit.U, sigma)
-    design = np.hstack([whiten(unit.G[0], 0), whiten(unit.H[0], 0)])
+    design = whiten(np.hstack([unit.G[0], unit.H[0]]).T).T
     conditioned = np.concatenate(
         [z[grid.fixed], (z[grid.sizes] - grid.neutral[grid.sizes]) * parts.H_rms[node, :s]]
     )
     free = np.ones(d + q, dtype=bool)
     free[: len(grid.fixed)] = free[d : d + s] = False
-    rest = whiten(y / factor - unit.mean[0], 0) - design[:, ~free] @ conditioned
+    rest = whiten(y / factor - unit.mean[0]) - design[:, ~free] @ conditioned
     columns = design[:, free]
     fitted = np.linalg.solve(normal[node][np.ix_(free, free)], columns.T @ rest)
     rest = rest - columns @ fitted
@@ -558,22 +555,24 @@ def _normal_equations(
     H is tall.
     """
     whiten, log_det = _whitener(unit.U, sigma)
-    T, _, q = unit.H.shape
-    d = unit.G.shape[2]
-    residual = whiten((y - unit.mean)[..., None], 1)
-    both = np.swapaxes(np.concatenate([whiten(unit.G, 1), residual], axis=2), 1, 2)
+    (T, n, q), d = unit.H.shape, unit.G.shape[2]
+    rows = np.concatenate([np.swapaxes(unit.G, 1, 2), (y - unit.mean)[:, None]], axis=1)
+    both = whiten(rows)
     inner = both @ np.swapaxes(both, 1, 2)
     normal, right = np.empty((T, d + q, d + q)), np.empty((T, d + q))
     normal[:, :d, :d], right[:, :d] = inner[:, :d, :d], inner[:, :d, d]
     start = 0
     for piece in unit.pieces(1):
-        H = whiten(piece.H, 1)
+        H = whiten(np.swapaxes(piece.H, 1, 2))
         nodes = slice(start, start + len(H))
-        across = (both if len(both) == 1 else both[nodes]) @ H
-        normal[nodes, :d, d:] = across[:, :d]
-        normal[nodes, d:, :d] = np.swapaxes(across[:, :d], 1, 2)
-        normal[nodes, d:, d:] = np.swapaxes(H, 1, 2) @ H
-        right[nodes, d:] = across[:, d]
+        if len(both) == 1:
+            across = (H.reshape(-1, n) @ both[0].T).reshape(len(H), q, d + 1)
+        else:
+            across = H @ np.swapaxes(both[nodes], 1, 2)
+        normal[nodes, d:, :d] = across[..., :d]
+        normal[nodes, :d, d:] = np.swapaxes(across[..., :d], 1, 2)
+        normal[nodes, d:, d:] = H @ np.swapaxes(H, 1, 2)
+        right[nodes, d:] = across[..., d]
         start += len(H)
     return normal, right, np.broadcast_to(inner[:, d, d], (T,)), log_det, whiten
 

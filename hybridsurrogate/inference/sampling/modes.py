@@ -230,24 +230,36 @@ def optimise_density(
     step = np.full(x.shape, max(1e-4, least_step))
     damping = np.full(len(x), 1e-3)
     active = np.ones(len(x), dtype=bool)
+    slopes, curvatures = np.empty(x.shape), np.empty((*x.shape, x.shape[1]))
+    known = np.zeros(len(x), dtype=bool)
     for iteration in range(SETTINGS.mode_steps):
         if prune and iteration >= 4:  # starts far below the best will not matter
             active &= value > value.max() - 25.0
         if not active.any():
             break
         index = np.flatnonzero(active)
-        gradient, curvature = _differences(log_density, index, x[index], value[index], step[index])
-        trial = x[index] + _newton_move(gradient, curvature, damping[index])
+        # a shorter trial after one that was rejected needs no derivatives anew
+        anew = index[~known[index]]
+        if len(anew):
+            slopes[anew], curvatures[anew] = _differences(
+                log_density, anew, x[anew], value[anew], step[anew]
+            )
+        gradient, curvature = slopes[index], curvatures[index]
+        move = _newton_move(gradient, curvature, damping[index])
+        trial = x[index] + move
         trial_value = log_density(trial, index)
         better = trial_value > value[index]
-        gain = np.where(better, trial_value - value[index], np.inf)
+        # where Newton's step, not the damped one, promises nothing, rounding rejects it
+        promised = np.einsum("jk,jk->j", move, gradient) * (1 + damping[index])
+        gain = np.where(better, trial_value - value[index], promised)
         x[index[better]] = trial[better]
         value[index[better]] = trial_value[better]
         damping[index] = np.clip(np.where(better, 0.1, 8.0) * damping[index], 1e-9, 1e9)
         diagonal = np.abs(np.einsum("jkk->jk", curvature))
         share = step_share * np.clip(1 / np.sqrt(np.maximum(diagonal, 1e-8)), 1e-7, 0.5)
-        step[index] = np.maximum(share, least_step)
-        done = (better & (gain < SETTINGS.mode_gain)) | (damping[index] > 1e4)
+        before, step[index] = step[index], np.maximum(share, least_step)
+        known[index] = ~better & np.all(np.abs(np.log2(step[index] / before)) < 1, axis=1)
+        done = (gain < SETTINGS.mode_gain) | (damping[index] > 1e4)
         active[index[done]] = False
     _, hessian = _differences(log_density, np.arange(len(x)), x, value, step)
     return x, value, hessian

@@ -623,14 +623,16 @@ def _badness(
     value = 0.5 * n * counts @ np.log(variance) + total * np.sum(np.log(np.diagonal(lower)))
     inner = total * inverse - (weights * counts / variance) @ weights.T
     steep = inner * (1 + distance) * fading
-    apart = places.T[:, :, None] - places.T[:, None]
-    moves = (_bent_by(points, z[d + 2 :]) / lengths).T
-    moved = moves[:, :, None] - moves[:, None]
+    # every pair once: a third of the time of all n^2 differences
+    one, other = np.triu_indices(n, 1)
+    weight = 5 / 3 * steep[one, other]
+    moves = _bent_by(points, z[d + 2 :]) / lengths
+    apart, moved = (a.take(one, axis=0) - a.take(other, axis=0) for a in (places, moves))
     slope = np.concatenate(
         [
-            5 / 6 * np.einsum("ij,dij->d", steep, apart**2),
+            weight @ apart**2,
             [0.5 * nugget * np.trace(inner), 0.5 * share * np.sum(inner * gram)],
-            -5 / 6 * np.einsum("ij,dij->d", steep, apart * moved),
+            -weight @ (apart * moved),
         ]
     )
     precision = np.concatenate(

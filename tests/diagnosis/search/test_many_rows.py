@@ -10,6 +10,9 @@ from scipy import stats
 
 import hybridsurrogate as hs
 from hybridsurrogate.diagnosis.search import forward_selection
+from hybridsurrogate.diagnosis.search.context import SearchContext
+from hybridsurrogate.diagnosis.search.search import search
+from hybridsurrogate.diagnosis.search.setup import prepare, trained_emulator
 
 N = 150
 CHANGES = {
@@ -72,3 +75,27 @@ def test_what_is_far_behind_in_the_sample_has_its_evidence_and_says_so():
     # three by the root of three of that
     of_all = both["log_evidence_of_all"]
     assert np.all(np.abs(both["log_evidence"] - of_all) < 3 * np.sqrt(3 * (np.abs(of_all) + 3)))
+
+
+def test_a_grid_is_not_refined_for_what_stays_far_behind():
+    """A slow wave in 400 rows, which an episode draws better with every finer grid, but poorly."""
+    t = np.sort(np.random.default_rng(1).uniform(0, 10, 400))
+    y = 1 + 2 * t + np.sin(2 * np.pi * t / 8) + 0.05 * np.random.default_rng(2).normal(size=400)
+    simulator = hs.Simulator(
+        lambda t, level: level + 2 * t, {"t": (0, 10)}, {"level": stats.norm(0, 3)}
+    )
+    model = hs.PowerScaledSurrogate(
+        simulator, surrogate=hs.ExactSurrogate(), n_draws=20, random_state=0
+    ).fit(t[:, None], y)
+    prepared = prepare(model, ())
+    problem, emulator = trained_emulator(prepared.problem, model)
+    context = SearchContext.of(problem, emulator)
+    of_kind = {cause.variant or cause.kind: cause for cause in prepared.causes}
+    episode, wave = of_kind["factor"], of_kind["periodic"]
+    alone, rival, both = (
+        search(context, causes).candidates[1:] for causes in ([episode], [wave], [episode, wave])
+    )
+    assert len(both[0].fit.grid.points) < 0.7 * len(alone[0].fit.grid.points)
+    # it is behind all the same, and what leads is as it was
+    assert max(both[0].log_evidence, alone[0].log_evidence) < rival[0].log_evidence - 50
+    assert both[1].log_evidence == pytest.approx(rival[0].log_evidence, abs=1e-3)

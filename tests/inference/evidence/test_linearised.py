@@ -188,12 +188,12 @@ def test_whitened_rows_are_independent(n, r):
     sigma, U = 0.3, rng.standard_normal((n, r)) * np.geomspace(1e-8, 3e3, r)
     U[:, 3] = U[:, 2]
     whiten, log_det = _whitener(U, sigma)
-    W = whiten(np.eye(n), 0)
+    W = whiten(np.eye(n)).T
     covariance = sigma**2 * np.eye(n) + U @ U.T
     np.testing.assert_allclose(W @ covariance @ W.T, sigma**2 * np.eye(n), atol=1e-6)
     expected = np.log1p((np.linalg.svd(U, compute_uv=False) / sigma) ** 2).sum() / 2
     np.testing.assert_allclose(log_det, expected, rtol=1e-9)
-    np.testing.assert_allclose(whiten(np.ones((2, n, 3)), 1)[1, :, 2], W @ np.ones(n))
+    np.testing.assert_allclose(whiten(np.ones((2, 3, n)))[1, 2], W @ np.ones(n))
 
 
 def test_where_a_size_is_zero_the_simulation_is_run_at_one_node():

@@ -29,6 +29,20 @@ def test_mode_of_a_gaussian_is_the_gaussian():
     assert mode.log_mass == pytest.approx(4.2, abs=0.01)
 
 
+def test_a_climb_that_begins_at_the_mode_ends_there_at_once():
+    """Rounding rejects a step from there, and no shorter one would be better."""
+    calls = []
+
+    def log_density(u):
+        calls.append(len(u))
+        return 1e3 - 0.5 * np.sum(np.array([1.0, 50.0]) * u**2, axis=1)
+
+    (mode,) = find_modes(log_density, np.zeros((1, 2)))
+    np.testing.assert_allclose(mode.factor, np.diag([1, 50**-0.5]), atol=1e-4)
+    # the start, derivatives and a trial there, and derivatives at the end
+    assert len(calls) == 4
+
+
 def test_importance_draws_of_a_gaussian():
     modes = find_modes(gaussian, np.zeros((1, 3)))
     result = importance_draws(gaussian, modes, 30_000, 10_000, np.random.RandomState(0))
