@@ -26,8 +26,6 @@ from hybridsurrogate.types import FloatArray
 # an emulator is smooth to rounding: a short step to one side is enough, at half the price
 _SHORT_STEP = 1e-4
 _ABSURD = 1e100
-# a size that is a separate parameter keeps within its prior: z displaced by its prior sd at most
-_SIZE_CAP = 1.0
 # of the largest curve: less is nothing
 _NOTHING = 1e-12
 # numbers of the columns of all nodes that are kept
@@ -418,7 +416,8 @@ def _linearise(
     curves /= rms[:, :, None]
     H = np.broadcast_to(np.swapaxes(curves, 1, 2), (T, len(X), len(grid.sizes)))
     rms = np.broadcast_to(rms, (T, len(grid.sizes)))
-    cap, U = _SIZE_CAP * rms, around.U
+    # a size that is a separate parameter keeps within its prior: z displaced by its sd at most
+    cap, U = rms, around.U
     if model.column_names:
         if columns is None:
             columns = columns_at_nodes(model, X, grid, z)
