@@ -9,6 +9,7 @@ of the simulation, and every few steps only the better half goes on.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
@@ -161,18 +162,15 @@ def _starts(model: MeasuredModel, grid: Grid, centre: FloatArray) -> FloatArray:
     return np.clip(z.reshape(-1, len(base)), -SETTINGS.furthest_place, SETTINGS.furthest_place)
 
 
+@dataclass(frozen=True)
 class _Residual:
     """Residuals of the measured rows with the columns of all causes fitted by ridge regression."""
 
-    def __init__(
-        self,
-        model: MeasuredModel,
-        X: FloatArray,
-        y: FloatArray,
-        emulator: EmulatorPosterior,
-        floor: float,
-    ):
-        self.model, self.X, self.y, self.emulator, self.floor = model, X, y, emulator, floor
+    model: MeasuredModel
+    X: FloatArray
+    y: FloatArray
+    emulator: EmulatorPosterior
+    floor: float
 
     def __call__(self, z: FloatArray) -> FloatArray:
         """Return residuals (J, n) in units of the noise factor."""
