@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 from joblib import delayed
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy import special
 from sklearn.base import clone
 from sklearn.utils import check_consistent_length, check_random_state, check_scalar
@@ -29,6 +29,7 @@ from hybridsurrogate.diagnosis.search.setup import prepare, trained_emulator
 from hybridsurrogate.diagnosis.validation.cross_validation import in_parallel, random_folds
 from hybridsurrogate.estimators.power_scaled import PowerScaledSurrogate
 from hybridsurrogate.exceptions import HybridSurrogateWarning
+from hybridsurrogate.inference.loo import stacking_weights
 from hybridsurrogate.likelihoods import as_likelihood
 from hybridsurrogate.model.rows.measured_data import (
     GivenRows,
@@ -61,10 +62,6 @@ def log_evidence(fitted: PowerScaledSurrogate) -> float:
     sizes = context.sizes([null])
     alone = Search.of(context, [Candidate(None, null, context.evidence(null, sizes))], sizes)
     return scored(at_best_noise(alone, False)).candidates[0].log_evidence
-
-
-# gain in the mean log density of the mixture at which its weights have converged, and steps at most
-_CONVERGED, _MOST_STEPS = 1e-10, 20_000
 
 
 def held_out_densities(
@@ -112,42 +109,6 @@ def _densities(estimator: PowerScaledSurrogate, train: GivenRows, test: GivenRow
         warnings.simplefilter("ignore", HybridSurrogateWarning)
         fitted: Any = clone(estimator).fit(*train)
         return np.asarray(fitted.log_predictive_density(test.X, test.y, test.y_err))
-
-
-def stacking_weights(log_density: ArrayLike) -> NDArray[np.float64]:
-    """Return the weights of predictive densities whose mixture predicts held-out rows best.
-
-    ``argmax_w sum_i log sum_k w_k p_k(y_i)`` on the simplex (Yao, Vehtari, Simpson and Gelman 2018,
-    Bayesian Analysis 13:917, eq. 4), which is concave in w: by the EM algorithm for mixture
-    weights, none of whose steps falls.
-
-    Parameters
-    ----------
-    log_density : array-like of shape (n, k)
-        Log densities of held-out rows. A row that is impossible under every model is left out.
-
-    Returns
-    -------
-    ndarray of shape (k,)
-
-    Examples
-    --------
-    >>> stacking_weights([[0.0, -2.0], [-2.0, 0.0]]).tolist()
-    [0.5, 0.5]
-    """
-    values = np.asarray(log_density, dtype=float)
-    top = np.max(values, axis=1, keepdims=True)
-    possible = np.isfinite(top[:, 0])
-    density = np.exp(values[possible] - top[possible])
-    weight = np.full(values.shape[1], 1 / values.shape[1])
-    score = -np.inf
-    for _ in range(_MOST_STEPS if len(density) else 0):
-        mixture = density @ weight
-        before, score = score, float(np.mean(np.log(mixture)))
-        if score - before < _CONVERGED:
-            break
-        weight = weight * np.mean(density / mixture[:, None], axis=0)
-    return np.asarray(weight / weight.sum())
 
 
 # draws of each, of which mean and spread are taken

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 from sklearn.utils import check_random_state
 
 from hybridsurrogate.estimators.base import SurrogateEstimator
-from hybridsurrogate.inference.loo import PointwiseLoo, stacking_weight
+from hybridsurrogate.inference.loo import PointwiseLoo, stacking_weights
 from hybridsurrogate.inference.procedure import Fit, fit_problem
 from hybridsurrogate.inference.sampling.ensembles import EnsembleSampler
 from hybridsurrogate.likelihoods import Likelihood
@@ -154,8 +154,9 @@ class PredictiveWeightedSurrogate(SurrogateEstimator):
             return 0.0
         inside = data.distinct.origin >= 0
         loos = [loo_of_fit(fit, data, self.sampler, random) for fit in fits.values()]
-        measured, simulation = (loo.log_density[inside] for loo in loos)
-        return stacking_weight(simulation, measured, data.single.weights[inside])
+        densities = np.column_stack([loo.log_density[inside] for loo in loos])
+        _, simulation = stacking_weights(densities, data.single.weights[inside])
+        return float(simulation)
 
     def _pointwise_loo(self, progress: bool = False) -> PointwiseLoo:
         random = check_random_state(self.random_state)

@@ -11,7 +11,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 from scipy import optimize, special
 
 from hybridsurrogate.numerics.psis import khat_limit, pareto_smooth
@@ -93,32 +93,47 @@ def pointwise_loo(
     return PointwiseLoo(log_density, khat, khat > np.where(powers > 0, *limits))
 
 
-def stacking_weight(first: FloatArray, second: FloatArray, weights: FloatArray) -> float:
-    """Return the weight of the first of two predictive densities that maximises their mixture's.
+def stacking_weights(log_density: ArrayLike, weights: FloatArray | None = None) -> FloatArray:
+    """Return the weights of predictive densities whose mixture predicts held-out rows best.
 
-    ``argmax_b sum_i w_i log(b p_1i + (1 - b) p_2i)`` (Yao, Vehtari, Simpson and Gelman 2018,
-    Bayesian Analysis 13:917, eq. 4), concave in b: the root of its derivative, or an end.
+    ``argmax_w sum_i v_i log sum_k w_k p_k(y_i)`` on the simplex, which is concave in w (Yao,
+    Vehtari, Simpson and Gelman 2018, Bayesian Analysis 13:917, eq. 4).
 
     Parameters
     ----------
-    first, second : ndarray of shape (n,)
-        Log densities of held-out rows.
-    weights : ndarray of shape (n,)
+    log_density : array-like of shape (n, k)
+        Log densities of held-out rows. A row that is impossible under every model is left out.
+    weights : ndarray of shape (n,) or None, default=None
+        v, of the rows; None: all equal.
+
+    Returns
+    -------
+    ndarray of shape (k,)
 
     Examples
     --------
-    >>> one = np.array([0.0, -2.0]), np.array([-2.0, 0.0])
-    >>> round(stacking_weight(*one, np.ones(2)), 6)
-    0.5
+    >>> stacking_weights([[0.0, -2.0], [-2.0, 0.0]]).round(6).tolist()
+    [0.5, 0.5]
     """
-    top = np.maximum(first, second)
-    p, q = np.exp(first - top), np.exp(second - top)
+    values = np.asarray(log_density, dtype=float)
+    top = np.max(values, axis=1)
+    possible = np.isfinite(top)
+    density = np.exp(values[possible] - top[possible, None])
+    of_row = np.ones(len(density)) if weights is None else weights[possible]
+    even = np.full(values.shape[1], 1 / values.shape[1])
+    if not of_row.sum():
+        return even
 
-    def slope(b: float) -> float:
-        return float(np.sum(weights * (p - q) / np.maximum(b * p + (1 - b) * q, 1e-300)))
+    def mixture(w: FloatArray) -> FloatArray:
+        return np.maximum(density @ w, np.finfo(float).tiny)
 
-    if slope(0.0) <= 0:
-        return 0.0
-    if slope(1.0) >= 0:
-        return 1.0
-    return float(optimize.brentq(slope, 0.0, 1.0, xtol=1e-8))
+    found = optimize.minimize(
+        lambda w: -(of_row @ np.log(mixture(w))) / of_row.sum(),
+        even,
+        jac=lambda w: -(of_row / mixture(w)) @ density / of_row.sum(),
+        method="SLSQP",
+        bounds=[(0, 1)] * len(even),
+        constraints={"type": "eq", "fun": lambda w: w.sum() - 1},
+        options={"ftol": 1e-14, "maxiter": 1000},
+    ).x
+    return np.asarray(found / found.sum())

@@ -7,7 +7,7 @@ from scipy.integrate import quad
 from scipy.stats import halfnorm, multivariate_normal, norm
 
 import hybridsurrogate as hs
-from hybridsurrogate.comparison.compare import stacking_weights
+from hybridsurrogate.inference.loo import stacking_weights
 
 T = np.linspace(0, 9, 40)
 NOISE = 0.2

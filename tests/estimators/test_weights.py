@@ -11,7 +11,7 @@ from sklearn.model_selection import TimeSeriesSplit
 
 import hybridsurrogate as hs
 from hybridsurrogate.datasets import make_log_sin
-from hybridsurrogate.inference.loo import stacking_weight
+from hybridsurrogate.inference.loo import stacking_weights
 
 CUBIC = hs.PolynomialChaos(degree=3)
 
@@ -242,7 +242,7 @@ def test_stacking_finds_the_reference_optima():
     both = [np.concatenate(pair) for pair in zip(*densities.values(), strict=True)]
 
     def optimum(pair):
-        return stacking_weight(*pair, np.ones(len(pair[0])))
+        return stacking_weights(np.column_stack(pair))[0]
 
     assert optimum(densities["oos"]) == pytest.approx(0.001, abs=0.01)
     assert optimum(densities["ood"]) == pytest.approx(0.999, abs=0.01)

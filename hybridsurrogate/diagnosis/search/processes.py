@@ -200,7 +200,7 @@ def _with_process(result: Search, w: Candidate, bases: FloatArray) -> float:
     if w.cause is not None and w.cause.is_process and len(grid.nodes) == 1:
         parts = _of_neighbours(parts, grid.points[likely, 0], nodes[likely])
     beyond_node = 0.0
-    if parts.noise_differs:
+    if parts.noise is not None and len(parts.noise) > 1:
         # every node would need a factorisation: that of the best one gives what a curve adds
         parts = replace(parts.at(np.array([0])), log_weight=np.zeros(1))
         plain = scan(parts, problem.y[None], sigma, noise, sizes)[0]

@@ -7,6 +7,7 @@ weights are given to some proposals around it.
 
 from __future__ import annotations
 
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -66,10 +67,7 @@ def own_draws(
     starts : ndarray of shape (M, S, d)
         M places for each draw, of which the likeliest is taken.
     """
-
-    def log_density(u: FloatArray, which: NDArray[np.intp]) -> FloatArray:
-        return log_density_of_pairs(problem, u, which)
-
+    log_density = partial(log_density_of_pairs, problem)
     M, S, d = starts.shape
     value = log_density(starts.reshape(-1, d), np.tile(np.arange(S), M)).reshape(M, S)
     first = value.argmax(axis=0), np.arange(S)

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -173,11 +174,8 @@ def moved_step(
     random_state : RandomState
     effort : Effort
     """
-
-    def log_density(u: FloatArray, which: NDArray[np.intp]) -> FloatArray:
-        return log_density_of_pairs(problem, u, which)
-
-    u, accepted = moved_draws(log_density, start, random_state, effort)
+    density = partial(log_density_of_pairs, problem)
+    u, accepted = moved_draws(density, start, random_state, effort)
     return _drawn(problem, u, np.nan, accepted, "moves", random_state)
 
 
@@ -218,8 +216,7 @@ def _by_proposals(
     if coordinates is not None:
         first_step, starts = coordinates.of(first_step), coordinates.of(starts)
 
-    def plain(points: FloatArray) -> tuple[FloatArray, FloatArray | float]:
-        return (points, 0.0) if coordinates is None else coordinates.points(points)
+    plain = _as_is if coordinates is None else coordinates.points
 
     def at_centre_of(points: FloatArray) -> FloatArray:
         u, log_volume = plain(points)
@@ -287,7 +284,7 @@ def _weighted(
     first: Gaussian,
     others: list[Gaussian],
     sigma: float,
-    plain: Callable[[FloatArray], tuple[FloatArray, FloatArray | float]],
+    plain: Callable[[FloatArray], tuple[FloatArray, FloatArray]],
     n: int,
     random_state: np.random.RandomState,
 ) -> _Weighted:
@@ -319,8 +316,8 @@ def _weighted(
     return _Weighted(u, log_density, log_proposal, share, khat, effective, enough)
 
 
-def _as_is(points: FloatArray) -> tuple[FloatArray, float]:
-    return points, 0.0
+def _as_is(points: FloatArray) -> tuple[FloatArray, FloatArray]:
+    return points, np.zeros(len(points))
 
 
 def held_out(

@@ -9,6 +9,7 @@ of the simulation, and every few steps only the better half goes on.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
@@ -53,9 +54,7 @@ def best_of_many(
     """
     place = np.concatenate([grid.fixed, grid.sizes, grid.nodes])
     z = _starts(model, grid, centre)
-    residual = _Residual(model, X, y, emulator, floor)
-    best = _descend(residual, z, place)
-    return best, float(np.sqrt(residual.variance(residual(best[None]))[0]))
+    return _descend(_Residual(model, X, y, emulator, floor), z, place)
 
 
 def best_of_spread(
@@ -72,10 +71,8 @@ def best_of_spread(
     z = np.random.RandomState(0).standard_normal((_WIDE, model.n_unknowns))
     residual = _Residual(model, X, y, emulator, floor)
     value = residual.deviance(residual(z), z)
-    best = _descend(
-        residual, z[np.argsort(value)[: SETTINGS.nodes_followed]], np.arange(model.n_unknowns)
-    )
-    return best, float(np.sqrt(residual.variance(residual(best[None]))[0]))
+    starts = z[np.argsort(value)[: SETTINGS.nodes_followed]]
+    return _descend(residual, starts, np.arange(model.n_unknowns))
 
 
 def best_of_global_starts(
@@ -127,7 +124,7 @@ def best_of_global_starts(
     value = np.concatenate([deviance(known[None]), along, deviance(spread)])
     if is_rough:
         followed = z[np.argsort(value)[:most]]
-        end = _descend(residual, followed, np.concatenate([grid.fixed, grid.sizes, grid.nodes]))
+        end, _ = _descend(residual, followed, np.concatenate([grid.fixed, grid.sizes, grid.nodes]))
         z, value = np.vstack([z, end]), np.append(value, deviance(end[None]))
     best = int(np.argmin(value))
     return z[best] if value[best] < value[0] - _WORTH_FOLLOWING else None
@@ -165,18 +162,15 @@ def _starts(model: MeasuredModel, grid: Grid, centre: FloatArray) -> FloatArray:
     return np.clip(z.reshape(-1, len(base)), -SETTINGS.furthest_place, SETTINGS.furthest_place)
 
 
+@dataclass(frozen=True)
 class _Residual:
     """Residuals of the measured rows with the columns of all causes fitted by ridge regression."""
 
-    def __init__(
-        self,
-        model: MeasuredModel,
-        X: FloatArray,
-        y: FloatArray,
-        emulator: EmulatorPosterior,
-        floor: float,
-    ):
-        self.model, self.X, self.y, self.emulator, self.floor = model, X, y, emulator, floor
+    model: MeasuredModel
+    X: FloatArray
+    y: FloatArray
+    emulator: EmulatorPosterior
+    floor: float
 
     def __call__(self, z: FloatArray) -> FloatArray:
         """Return residuals (J, n) in units of the noise factor."""
@@ -218,8 +212,10 @@ class _Residual:
             return np.mean(residual**2, axis=-1) + self.floor**2
 
 
-def _descend(residual: _Residual, z: FloatArray, place: NDArray[np.intp]) -> FloatArray:
-    """Follow starts z (S, n_unknowns) along some of their unknowns; return the best end."""
+def _descend(
+    residual: _Residual, z: FloatArray, place: NDArray[np.intp]
+) -> tuple[FloatArray, float]:
+    """Follow starts z (S, n_unknowns) along some unknowns; return the best end and its sigma."""
     d = len(place)
     rest, slopes = residual.with_slopes(z, place)
     deviance = residual.deviance(rest, z)
@@ -255,4 +251,5 @@ def _descend(residual: _Residual, z: FloatArray, place: NDArray[np.intp]) -> Flo
             kept = np.argsort(deviance)[: (len(z) + 1) // 2]
             z, rest, slopes = z[kept], rest[kept], slopes[kept]
             deviance, damping = deviance[kept], damping[kept]
-    return z[int(np.argmin(deviance))]
+    best = int(np.argmin(deviance))
+    return z[best], float(np.sqrt(residual.variance(rest[best])))

@@ -26,8 +26,6 @@ from hybridsurrogate.types import FloatArray
 # an emulator is smooth to rounding: a short step to one side is enough, at half the price
 _SHORT_STEP = 1e-4
 _ABSURD = 1e100
-# a size that is a separate parameter keeps within its prior: z displaced by its prior sd at most
-_SIZE_CAP = 1.0
 # of the largest curve: less is nothing
 _NOTHING = 1e-12
 # numbers of the columns of all nodes that are kept
@@ -104,11 +102,6 @@ class Linearised:
             return replace(self, mean=self.mean[:1], G=self.G[:1])
         return self
 
-    @property
-    def noise_differs(self) -> bool:
-        """Whether the nodes differ in the noise of single rows."""
-        return self.noise is not None and len(self.noise) > 1
-
     def by_noise(self) -> list[tuple[Linearised, FloatArray]]:
         """Split into models of unit noise factor, rows scaled, each with its factor (n,)."""
         if self.noise is None:
@@ -172,9 +165,7 @@ def columns_at_nodes(model: MeasuredModel, X: FloatArray, grid: Grid, z: FloatAr
     def scaled(block: FloatArray) -> tuple[FloatArray, ...]:
         # some nodes at a time, before they leave the processor's cache
         curves = np.swapaxes(model.added_by(last, X, block), 1, 2)
-        rms = _rms(curves)
-        if process:
-            rms = _of_one_process(rms)
+        rms = _rms(curves, process)
         return curves / rms[:, :, None], rms
 
     numbers = len(X) * len(model.effects[-1].coefficients) if model.effects else 0
@@ -186,14 +177,15 @@ def columns_at_nodes(model: MeasuredModel, X: FloatArray, grid: Grid, z: FloatAr
     return Columns(earlier, np.swapaxes(own, 1, 2), np.maximum(rms, least))
 
 
-def _of_one_process(rms: FloatArray) -> FloatArray:
-    """Return the size of all columns together: prior variance per row, not per column."""
-    return np.broadcast_to(np.sqrt(np.sum(rms**2, axis=1, keepdims=True)), rms.shape)
+def _rms(curves: FloatArray, process: bool) -> FloatArray:
+    """Return the root mean square of curves (T, q, n), (T, q), of a zero one as good as zero.
 
-
-def _rms(curves: FloatArray) -> FloatArray:
-    """Return the root mean square of curves (T, q, n), (T, q), of a zero one as good as zero."""
-    rms: FloatArray = np.sqrt(np.einsum("tqn,tqn->tq", curves, curves) / curves.shape[2])
+    Of a process that of all its columns together: prior variance per row, not per column.
+    """
+    squares: FloatArray = np.einsum("tqn,tqn->tq", curves, curves) / curves.shape[2]
+    rms = np.sqrt(squares)
+    if process:
+        rms = np.broadcast_to(np.sqrt(squares.sum(axis=1, keepdims=True)), squares.shape)
     return np.maximum(rms, _NOTHING * max(float(np.max(rms, initial=0.0)), 1e-280))
 
 
@@ -415,19 +407,20 @@ def _linearise(
     """Return what `linearise` does, with the simulation's slopes known."""
     T, M, d = len(grid.points), len(around.mean), len(grid.fixed)
     G, curves = np.swapaxes(around.slopes[:, :d], 1, 2), around.slopes[:, d:]
-    rms = _rms(curves)
-    if len(grid.sizes) and model.effects[-1].is_process:
-        rms = _of_one_process(rms)
+    rms = _rms(curves, bool(model.effects) and model.effects[-1].is_process)
     curves /= rms[:, :, None]
     H = np.broadcast_to(np.swapaxes(curves, 1, 2), (T, len(X), len(grid.sizes)))
     rms = np.broadcast_to(rms, (T, len(grid.sizes)))
-    cap, U = _SIZE_CAP * rms, around.U
+    # a size that is a separate parameter keeps within its prior: z displaced by its sd at most
+    cap, U = rms, around.U
     if model.column_names:
         if columns is None:
             columns = columns_at_nodes(model, X, grid, z)
         if columns.earlier.shape[1]:
             # errors that rows share are of the noise, like those of the emulator
-            of_noise = _is_of_noise(model)[: columns.earlier.shape[1]]
+            owners = [model.effects[k] for k, _ in model.column_names]
+            of_noise = np.array([one.concerns == "noise" and not one.is_process for one in owners])
+            of_noise = of_noise[: columns.earlier.shape[1]]
             U = np.hstack([U, columns.earlier[:, of_noise]])
             earlier = columns.earlier[:, ~of_noise]
             earlier = np.broadcast_to(earlier, (M, *earlier.shape))
@@ -438,12 +431,6 @@ def _linearise(
     noise = _noise_at_nodes(model, X, grid, z, emulator.mean, around.output)
     log_weight = grid.log_weight + _odds_of_places(model, grid, H)
     return Linearised(around.mean, G, H, rms, cap, U, log_weight, noise)
-
-
-def _is_of_noise(model: MeasuredModel) -> NDArray[np.bool_]:
-    """Return which added columns are of errors with a known covariance, (q,)."""
-    of_noise = [one.concerns == "noise" and not one.is_process for one in model.effects]
-    return np.array([of_noise[k] for k, _ in model.column_names], dtype=bool)
 
 
 def _odds_of_places(model: MeasuredModel, grid: Grid, H: FloatArray) -> FloatArray | float:
