@@ -41,7 +41,7 @@ from hybridsurrogate.inference.sampling.importance import (
     moment_match,
 )
 from hybridsurrogate.inference.sampling.modes import Gaussian, find_modes
-from hybridsurrogate.inference.sampling.settings import SETTINGS
+from hybridsurrogate.inference.sampling.settings import MOST_PROPOSALS, SETTINGS
 from hybridsurrogate.model.posterior import LEAST_EFFECTIVE
 from hybridsurrogate.model.problem import Problem
 from hybridsurrogate.model.statistics import ROUNDING, prior_log_density, prior_of_unknowns
@@ -214,7 +214,7 @@ def _by_proposals(
         [modes[0]],
         _noise_of(first_step),
         plain,
-        min(n, SETTINGS.most_proposals),
+        min(n, MOST_PROPOSALS),
         random_state,
     )
     u, share, khat, effective = found.u, found.share, found.khat, found.effective
@@ -282,7 +282,7 @@ def _weighted(
         From the proposals' coordinates to u, and the log of the volume.
     """
     components = [first, *others]
-    for round_ in range(SETTINGS.conditional_rounds):
+    for round_ in range(SETTINGS.few):
         points = mixture_points(components, n, random_state)
         u, log_volume = plain(points)
         log_proposal = mixture_log_density(components, points) - log_volume
@@ -292,11 +292,11 @@ def _weighted(
         share = node_shares(log_weight)
         khat, effective = quality(log_weight, share, 25)
         enough = effective > SETTINGS.enough_effective * n and khat <= KHAT_LIMIT
-        if enough or round_ == SETTINGS.conditional_rounds - 1:
+        if enough or round_ == SETTINGS.few - 1:
             break
         components = [moment_match(points, share.mean(axis=1), first), *others]
         # what a thousand do not serve, such as ten unknowns of experiments, has all of them
-        n = SETTINGS.most_proposals
+        n = MOST_PROPOSALS
     return _Weighted(u, log_density, log_proposal, share, khat, effective, enough)
 
 

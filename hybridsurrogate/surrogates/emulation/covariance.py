@@ -296,7 +296,8 @@ def weights_of(matrix: FloatArray, nugget: float, residual: FloatArray) -> Float
 
 
 # the weight of a run falls by a factor e for so many runs that lie between; the prior that errors
-# are as the process predicts, in runs
+# are as the process predicts, in runs. Without, 90 % intervals of 76 such emulators cover 0.9
+# (standard error 0.2) points less, and log densities are 0.04 (0.02) lower
 _NEIGHBOURS, _BELIEF = 3.0, 2.0
 
 
@@ -343,8 +344,9 @@ _LENGTH_SD, _BEND_SD = 2.0, 2.0
 # an input without influence has the longest length: at 50 errors of the borehole function are twice
 # as large from 1,000 runs
 _LENGTHS, _NUGGETS, _SHARES, _MOST_BENT = (0.05, 1000.0), (1e-7, 10.0), (1e-3, 1e5), 8.0
-# logarithms of nugget and share to start from: smooth with some of the terms, rough with most
-_STARTS = ((-9.0, -2.0), (-4.0, 2.0), (-9.0, 6.0))
+# logarithms of nugget and share to start from: with others, rougher or with more of the terms, 71
+# of 76 fits to runs of 12 simulations are the same, and errors by less than a thousandth
+_START = (-9.0, -2.0)
 _ROOT = np.sqrt(5.0)
 # runs among which the most likely numbers are searched, and steps from there with all runs
 _SEARCHED, _POLISH = 200, 15
@@ -551,13 +553,12 @@ def learned(
         return np.array([*lengths, nugget, share, *np.zeros(d)])
 
     # along one axis, mostly time, outputs may come and go many times: few runs then have two peaks
-    uneven = [place(*_STARTS[0], lengths) for lengths in np.where(np.eye(d) > 0, -2.0, 1.0)]
+    uneven = [place(*_START, lengths) for lengths in np.where(np.eye(d) > 0, -2.0, 1.0)]
     first = min(uneven, key=lambda z: deviance(z, none, few)[0])
     even = np.zeros(d)
-    alone = most_likely([place(*_STARTS[0], even), first], none)
+    alone = most_likely([place(*_START, even), first], none)
     if terms.shape[1]:
-        starts = [place(*start, even) for start in _STARTS]
-        together = most_likely([*starts, alone], gram)
+        together = most_likely([place(*_START, even), alone], gram)
         share = float(np.exp(together[d + 1]))
         seen = [
             _left_out_density(z, points, g, residual, counts)
