@@ -125,9 +125,9 @@ def slices(points: FloatArray, weight: FloatArray, components: list[Gaussian]) -
         axis = np.linalg.eigh(g.factor @ g.factor.T)[1][:, -1]
         order = np.argsort(points @ axis)
         part = np.minimum(
-            SETTINGS.slices * np.cumsum(own[order]) / own.sum(), SETTINGS.slices - 1
+            SETTINGS.few * np.cumsum(own[order]) / own.sum(), SETTINGS.few - 1
         ).astype(int)
-        for k in range(SETTINGS.slices):
+        for k in range(SETTINGS.few):
             inside = order[part == k]
             m = own[inside].sum()
             if m > SETTINGS.least_share:
@@ -239,7 +239,7 @@ def importance_draws(
         if (enough and khat <= good) or round_ == max_rounds - 1:
             break
         components = matched(shaped, weight, components)
-        if len(components) <= SETTINGS.slices:
+        if len(components) <= SETTINGS.few:
             components = [*components, *slices(shaped, weight, components)]
         if n_noise:
             noise = points[:, -n_noise:]

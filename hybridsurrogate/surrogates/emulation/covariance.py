@@ -37,10 +37,10 @@ from hybridsurrogate.types import FloatArray
 # in order (of runs that are curves fewer: each is as much as hundreds of rows), and the process is
 # conditioned on at most so many
 _LEARN, _LEARN_CURVES, MOST_RUNS, _CURVES = 500, 200, 5000, 2000
-# of the nugget: where others leave no more of a run it is none of those that a prediction is made
-# of. Of 2,000 curves the mean then moved by at most 0.07 of its error, which is the same; at a
-# tenth by one and a half of them
-_GIVEN = 0.01
+# of the outputs' spread, to which runs are predicted. And of the nugget: where others leave no more
+# of a run it is none of those that a prediction is made of. Of 2,000 curves the mean then moved by
+# at most 0.07 of its error, which is the same; at a tenth by one and a half of them
+_HUNDREDTH = 0.01
 
 
 class Places(NamedTuple):
@@ -271,7 +271,7 @@ def condensed(matrix: FloatArray, nugget: float, residual: FloatArray) -> Condit
     2006, equations 8.26 and 8.27: 500 of 2,000 curves of two parameters, a quarter of the time of
     a prediction, a sixteenth of that of its error.
     """
-    lower, order, m, _ = dpstrf(matrix, tol=_GIVEN * nugget, lower=1)
+    lower, order, m, _ = dpstrf(matrix, tol=_HUNDREDTH * nugget, lower=1)
     if 2 * m > len(matrix):
         return conditioned(matrix, nugget, residual)
     order, factor, one = order - 1, np.tril(lower[:, :m]), np.eye(m)
@@ -281,7 +281,7 @@ def condensed(matrix: FloatArray, nugget: float, residual: FloatArray) -> Condit
     fit = white @ outputs
     whiten = solve_triangular(factor[:m], one, lower=True)
     weights = whiten.T @ solve_triangular(precision, fit, lower=True, trans=1)
-    # of what few runs give, the share that is known; its eigenvalues go from _GIVEN to 1
+    # of what few runs give, the share that is known; its eigenvalues go from _HUNDREDTH to 1
     known = cholesky(one - nugget * cho_solve((precision, True), one), lower=True)
     of_all = (outputs - white.T @ fit) / nugget, (1 - np.sum(white**2, axis=0)) / nugget
     sd, misses = _left_out(outputs, *of_all)
@@ -340,7 +340,7 @@ class LocalError(NamedTuple):
 
 
 # sd of the normal priors of each log length and each bend; the means are half the range, and none
-_LENGTH_SD, _BEND_SD = 2.0, 2.0
+_SD = 2.0
 # an input without influence has the longest length: at 50 errors of the borehole function are twice
 # as large from 1,000 runs
 _LENGTHS, _NUGGETS, _SHARES, _MOST_BENT = (0.05, 1000.0), (1e-7, 10.0), (1e-3, 1e5), 8.0
@@ -350,8 +350,6 @@ _START = (-9.0, -2.0)
 _ROOT = np.sqrt(5.0)
 # runs among which the most likely numbers are searched, and steps from there with all runs
 _SEARCHED, _POLISH = 200, 15
-# of the outputs' spread, to which runs are predicted
-_DIGITS = 0.01
 
 
 class Covariance(NamedTuple):
@@ -594,7 +592,7 @@ def _left_out_density(
     weights, diagonal = whiten.T @ (whiten @ residual), np.sum(whiten**2, axis=0)
     squares = weights**2 / diagonal[:, None]
     variance = np.maximum(np.sum(residual * weights, axis=0), np.sum(squares, axis=0)) / n
-    spread = variance / diagonal[:, None] + (_DIGITS * np.std(residual, axis=0)) ** 2
+    spread = variance / diagonal[:, None] + (_HUNDREDTH * np.std(residual, axis=0)) ** 2
     missed = (weights / diagonal[:, None]) ** 2 / spread
     return float(-0.5 * np.sum(counts * (np.log(spread) + missed)))
 
@@ -634,7 +632,5 @@ def _badness(
             -5 / 6 * np.einsum("ij,dij->d", steep, apart * moved),
         ]
     )
-    precision = np.concatenate(
-        [np.full(d, _LENGTH_SD**-2.0), np.zeros(2), np.full(d, _BEND_SD**-2.0)]
-    )
+    precision = np.concatenate([np.full(d, _SD**-2.0), np.zeros(2), np.full(d, _SD**-2.0)])
     return float(value + 0.5 * precision @ z**2), slope + precision * z
