@@ -38,6 +38,9 @@ from hybridsurrogate.priors import check_prior, check_priors
 from hybridsurrogate.simulation.modification import Modification
 from hybridsurrogate.types import FloatArray, Prior
 
+# prior sd of coefficients whose columns have their size
+STANDARD = 1.0
+
 if TYPE_CHECKING:
     # scikit-learn has no types: of a class that may be anything, no arguments are checked
 

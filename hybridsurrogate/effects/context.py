@@ -213,8 +213,9 @@ Rows = Mapping[str, FloatArray]  # a name and its values in n rows
 
 # logarithm of a factor, six scales of its usual prior
 _ANOTHER_ORDER = 2.0
-# integers that count this many experiments of so many rows are labels
-_LEAST_EXPERIMENTS, ROWS_OF_LEVEL = 3, 3
+# integers that count this many experiments, each of as many rows, are labels; and a shape shows at
+# as many rows of each level, or on each side of zero
+LEAST_EACH = 3
 # labels of more experiments have no separate levels
 MOST_EXPERIMENTS = 20
 # so many whole numbers one apart are an axis
@@ -481,8 +482,8 @@ def _counts_experiments(values: FloatArray) -> bool:
     levels, rows = np.unique(values, return_counts=True)
     counted = levels[0] + np.arange(len(levels))
     return bool(
-        len(levels) >= _LEAST_EXPERIMENTS
-        and rows.min() >= ROWS_OF_LEVEL
+        len(levels) >= LEAST_EACH
+        and rows.min() >= LEAST_EACH
         and levels[0] in (0, 1)
         and np.array_equal(levels, counted)
     )

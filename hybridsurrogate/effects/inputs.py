@@ -12,8 +12,8 @@ from scipy import stats
 from hybridsurrogate.arguments import check_choice
 from hybridsurrogate.effects.base import Cause, Context, Declared, FloatArray, Rows
 from hybridsurrogate.effects.context import (
+    LEAST_EACH,
     MOST_EXPERIMENTS,
-    ROWS_OF_LEVEL,
     UNKNOWN,
     Axis,
     trouble_with_labels,
@@ -106,10 +106,6 @@ register(
 )
 
 
-# rows on either side of zero, of distinct values
-_LEAST_EACH = 3
-
-
 class Friction(OverColumn):
     """Dry friction and viscous friction: one depends on the sign, the other on the speed.
 
@@ -156,9 +152,9 @@ def _trouble(cause: Cause, context: Context) -> str | None:
     if not isinstance(cause, Friction) or cause.column not in context.X:
         return None
     values = np.unique(context.column(cause.column))
-    if min(np.sum(values < 0), np.sum(values > 0)) >= _LEAST_EACH:
+    if min(np.sum(values < 0), np.sum(values > 0)) >= LEAST_EACH:
         return None
-    return f"{cause.column} has fewer than {_LEAST_EACH} distinct values on one side of zero"
+    return f"{cause.column} has fewer than {LEAST_EACH} distinct values on one side of zero"
 
 
 register(
@@ -334,8 +330,8 @@ def trouble_with_levels(context: Context, column: str) -> str | None:
     most = MOST_EXPERIMENTS if column in context.labels else MOST_LEVELS
     if not 2 <= len(counts) <= most:
         return f"{column} has {len(counts)} distinct values, 2 to {most} can be levels"
-    if counts.min() < ROWS_OF_LEVEL:
-        return f"a level of {column} has {counts.min()} rows, {ROWS_OF_LEVEL} are needed for each"
+    if counts.min() < LEAST_EACH:
+        return f"a level of {column} has {counts.min()} rows, {LEAST_EACH} are needed for each"
     return None
 
 

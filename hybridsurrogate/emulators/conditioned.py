@@ -25,6 +25,7 @@ from hybridsurrogate.model.statistics import (
     statistics_of_runs,
 )
 from hybridsurrogate.numerics.linear_algebra import (
+    NEGLIGIBLE,
     blocks,
     each_with_each,
     pivoted_cholesky,
@@ -45,9 +46,6 @@ from hybridsurrogate.surrogates.emulation.curve_emulator import CurveEmulator, e
 from hybridsurrogate.surrogates.families.kriging import CurveBasis, KrigingBasis
 from hybridsurrogate.surrogates.families.stacked import StackedBasis, stacked
 from hybridsurrogate.types import FloatArray
-
-# places of one run, in lengths of the process
-_SAME = 1e-9
 
 
 class LeftOut(NamedTuple):
@@ -111,7 +109,7 @@ def of_curves(basis: KrigedCurves, X: FloatArray, omega: FloatArray, y: FloatArr
     places = emulator.process.places(none, np.hstack([basis.of_runs(X), omega])).points
     # those that the process is conditioned on, if there are more
     apart, run = cKDTree(emulator.runs.points).query(places)
-    used = np.flatnonzero(apart < _SAME)
+    used = np.flatnonzero(apart < NEGLIGIBLE)
     X, omega, y, run = X[used], omega[used], y[used], run[used]
     precision = np.sum(emulator.whiten**2, axis=0)
     _, curves, missed = emulator.components.at(X[:, emulator.along])

@@ -46,8 +46,6 @@ _RUNS_EACH, _LEAST_RUNS = 10, 20
 _MOST_PLACES, _EVEN_PLACES = 200, 25
 # rounds of further runs, in shares of the first ones, while more of the noise is left open
 _ROUNDS, _SHARE, _OPEN = 8, 0.25, 0.1
-# draws of the posterior from which further runs are chosen
-_CANDIDATES = 400
 # seconds of which the user is warned before
 LONG = 150.0
 
@@ -310,10 +308,10 @@ def _further(
 ) -> pd.DataFrame:
     """Return points at which draws of the posterior are furthest from all runs and each other."""
     posterior, X = posterior_of_simulation(fitted), fitted.data_.distinct.X
-    some = posterior.take(random.choice(posterior.n_draws, _CANDIDATES))
-    inputs, omega = posterior.model.places(X, some.values)
+    inputs, omega = posterior.model.places(X, posterior.values)
     # each draw at one of the rows
-    at = np.arange(_CANDIDATES) * len(X) + random.randint(len(X), size=_CANDIDATES)
+    n_draws = posterior.n_draws
+    at = np.arange(n_draws) * len(X) + random.randint(len(X), size=n_draws)
     k = len(simulator.input_names)
     candidates = np.hstack([inputs[at, 1:k], omega[at]])
     names = [*simulator.input_names[1:], *simulator.parameter_ranges]

@@ -14,13 +14,12 @@ from sklearn.utils.validation import check_is_fitted
 
 from hybridsurrogate.arguments import check_flag, check_number, random_generator
 from hybridsurrogate.estimators.power_scaled import PowerScaledSurrogate
+from hybridsurrogate.numerics.linear_algebra import SINGULAR
 from hybridsurrogate.simulation.outputs import OUTPUT
 from hybridsurrogate.types import FloatArray
 
 # scipy 1.15 renamed the argument
 _RNG = "rng" if "rng" in inspect.signature(stats.sobol_indices).parameters else "random_state"
-# outputs that vary by less than this share of their size do not depend on anything
-_CONSTANT = 1e-12
 
 
 def sobol_indices(
@@ -126,7 +125,8 @@ def _indices(
         first, total = found.first_order, found.total_order
     middle = outputs(np.array([[prior.median()] for prior in priors]))[:, 0]
     tried = outputs(np.array([prior.ppf(np.linspace(0.05, 0.95, 7)) for prior in priors]))
-    constant = np.ptp(tried, axis=1) <= _CONSTANT * np.maximum(np.abs(middle), 1e-300)
+    # outputs that vary by no more than rounding do not depend on anything
+    constant = np.ptp(tried, axis=1) <= SINGULAR * np.maximum(np.abs(middle), 1e-300)
     shape = len(middle), len(priors)
     pair = (np.where(constant[:, None], np.nan, p.reshape(shape)) for p in (first, total))
     first, total = pair

@@ -24,7 +24,7 @@ from hybridsurrogate.inference.sampling.modes import (
     further_points,
     starting_points,
 )
-from hybridsurrogate.inference.sampling.settings import SETTINGS
+from hybridsurrogate.inference.sampling.settings import MOST_PROPOSALS, SETTINGS
 from hybridsurrogate.model.posterior import Diagnostics
 from hybridsurrogate.numerics.psis import KHAT_LIMIT
 from hybridsurrogate.types import FloatArray
@@ -84,7 +84,7 @@ def _approximations(
 ) -> tuple[list[Gaussian], list[Gaussian], bool]:
     """Return the modes that matter, what is proposed around all, and whether along lines."""
     best = found[0].log_mass
-    minor = [mode for mode in found if mode.log_mass > best + np.log(SETTINGS.proposal_share)]
+    minor = [mode for mode in found if mode.log_mass > best + np.log(SETTINGS.least_share)]
     lines = with_lines(target, minor)
     best = max(line.mode.log_mass for line in lines)
     modes = [line.mode for line in lines if line.mode.log_mass > best + np.log(SETTINGS.mode_share)]
@@ -163,7 +163,7 @@ def _improved(
         weight = np.full(n_draws, 1 / n_draws)
         all_of_it = float(special.logsumexp([part.log_mass for part in minor]))
         wide = replace(moment_match(sampled.draws, weight, minor[0]), log_mass=all_of_it)
-        many = 4 * max(n, SETTINGS.most_proposals)
+        many = 4 * max(n, MOST_PROPOSALS)
         every = [wide, _like_prior(wide), *minor]
         again = _importance(target, every, many, n_draws, random_state, modes)
         sampled = again if again.khat <= max(sampled.khat, KHAT_LIMIT) else sampled

@@ -20,6 +20,8 @@ MAX_ETA = -float(np.log(np.finfo(float).eps))
 # a scatter below this is none to all digits; an expected count below it is none, with so much
 # probability
 LEAST = 1e-4
+# standard deviations beyond which a normal density is none
+FAR = 30.0
 _NODE, _WEIGHT = np.polynomial.hermite_e.hermegauss(9)
 _WEIGHT = _WEIGHT / _WEIGHT.sum()
 

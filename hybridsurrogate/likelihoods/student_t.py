@@ -10,7 +10,7 @@ import numpy as np
 from scipy import special
 
 from hybridsurrogate.arguments import as_real
-from hybridsurrogate.likelihoods.base import Likelihood, positive, register, smoothed_moments
+from hybridsurrogate.likelihoods.base import FAR, Likelihood, positive, register, smoothed_moments
 from hybridsurrogate.likelihoods.normal import TransformedNormal
 from hybridsurrogate.types import FloatArray, Prior
 
@@ -239,7 +239,7 @@ _OUTLIER_VARIANCE = (LARGEST**2 - SMALLEST**2) / (2 * _LOG_RANGE)
 # nearer to the middle the density is flat, and its formula 0 / 0
 _FLAT = 1e-2
 # so far off only the logarithm of the density is a number
-_BEYOND = 900.0
+_BEYOND = FAR * LARGEST
 
 
 def log_shape(z: FloatArray, share: FloatArray | float) -> FloatArray:

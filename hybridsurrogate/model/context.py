@@ -22,16 +22,17 @@ from hybridsurrogate.effects.base import SIMULATED, SLOPE, Cause, Rows
 from hybridsurrogate.effects.context import Context, OfOutput
 from hybridsurrogate.likelihoods import Binomial, Likelihood
 from hybridsurrogate.model.effects import CausesOnRows
-from hybridsurrogate.model.observation import MeasuredModel
+from hybridsurrogate.model.observation import SHORTEST_STEP, MeasuredModel
 from hybridsurrogate.model.rows.columns import Experiments
 from hybridsurrogate.model.rows.stacking import Stacking
 from hybridsurrogate.priors import check_prior
+from hybridsurrogate.simulation.arrays import LARGEST
 from hybridsurrogate.simulation.simulator import SimulationData, Simulator
 from hybridsurrogate.surrogates.basis import Basis
 from hybridsurrogate.types import FloatArray
 
 # steps in standard deviations of the priors, and places at which slopes over two are compared
-_STEPS = (1e-3, 1e-2, 1e-1)
+_STEPS = (SHORTEST_STEP, 10 * SHORTEST_STEP, 100 * SHORTEST_STEP)
 LONGEST_STEP = _STEPS[-1]
 _PLACES = 20
 # slopes that differ by this share of their size, root mean square over rows and then averaged over
@@ -40,8 +41,6 @@ _PLACES = 20
 _DISAGREE = 0.2
 # share of rows: jumps of fewer are not those of the output
 _FEW_ROWS = 0.1
-# of a simulation that runs away more is not to be squared
-_ABSURD = 1e100
 
 
 def least_step(model: MeasuredModel, X: FloatArray) -> float:
@@ -82,7 +81,7 @@ def _slopes(model: MeasuredModel, X: FloatArray, step: float) -> FloatArray:
     ahead, behind = np.swapaxes(around(model, X, z, step), 0, 1)
     with np.errstate(invalid="ignore", over="ignore"):
         slopes: FloatArray = (ahead - behind) / (2 * step)
-    slopes[~(np.abs(slopes) < _ABSURD)] = 0.0
+    slopes[~(np.abs(slopes) < LARGEST)] = 0.0
     return slopes
 
 

@@ -152,8 +152,8 @@ class WorkingPoint:
         return noise / sigma if self.likelihood.scales_noise else noise
 
 
-# differences along a parameter of a smooth simulation
-_STEP = 1e-3
+# differences along a parameter of a smooth simulation, in standard deviations of its prior
+SHORTEST_STEP = 1e-3
 
 
 class Parts(NamedTuple):
@@ -241,7 +241,7 @@ class MeasuredModel(CausesOnRows):
     @property
     def step(self) -> float:
         """Length of a difference along a parameter, in standard deviations of the priors."""
-        return max(_STEP, self.least_step)
+        return max(SHORTEST_STEP, self.least_step)
 
     @property
     def n_hyper(self) -> int:

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hybridsurrogate.exceptions import SolverWarning
+from hybridsurrogate.numerics.linear_algebra import SINGULAR
 from hybridsurrogate.ode.function import OdeFunction, StateColumns
 from hybridsurrogate.ode.integration import extent
 from hybridsurrogate.types import FloatArray
@@ -23,11 +24,9 @@ _ROUNDS = 4
 # errors of a state in shares of its extent. Where a right-hand side jumps, errors are of
 # first order in the step, and small ones are not to be had
 _SMALL, _SMALL_WITH_JUMPS, _DOUBTFUL = 1e-4, 3e-3, 1e-2
-# of fourth order: half a step leaves a sixteenth of the error (Hairer, Norsett and Wanner 1993,
-# section II.4), or so. Of a lower order: half of it or more
-_MENDS, _LEFT = 8.0, 1 / 15
-# states that are smaller than this share of the largest are rounding
-_ROUNDING = 1e-10
+# of the method: half a step leaves a sixteenth of the error (Hairer, Norsett and Wanner 1993,
+# section II.4), or so. Of a lower order, as across a jump: half of it or more
+_ORDER = 4
 
 
 def chosen(function: OdeFunction, columns: StateColumns, span: float) -> OdeFunction:
@@ -136,8 +135,8 @@ def _ladder(function: OdeFunction, columns: StateColumns, span: float, most: int
         known = _known(solved(most))
     while True:
         change = _change(coarse, fine, known)
-        smooth = change * _MENDS < before
-        error = change * _LEFT if smooth else change
+        smooth = change * 2 ** (_ORDER - 1) < before
+        error = change / (2**_ORDER - 1) if smooth else change
         good = error < (_SMALL if smooth else _SMALL_WITH_JUMPS)
         if good or n_steps >= most:
             return _Found(n_steps, error, good, known)
@@ -174,7 +173,7 @@ def _known(solutions: FloatArray) -> NDArray[np.bool_]:
 def _sizes_of(solutions: FloatArray) -> FloatArray:
     """Return the extent of states (..., n) over n times, (...), of none less than rounding."""
     size = extent(solutions)
-    return np.maximum(size, max(_ROUNDING * float(np.max(size)), np.finfo(float).tiny))
+    return np.maximum(size, max(SINGULAR * float(np.max(size)), np.finfo(float).tiny))
 
 
 def _change(coarse: FloatArray, fine: FloatArray, known: NDArray[np.bool_]) -> float:

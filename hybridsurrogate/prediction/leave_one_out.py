@@ -116,12 +116,10 @@ def _of_some(
 
 
 Powers = tuple[float, float | FloatArray]  # of the likelihoods of both sources
-# draws of coefficients that a score is made from: all their numbers' squares, at least, at most
-_SQUARED, _LEAST, _MOST = 4e5, 200, 2000
-# draws of step 2 for each of them
-_REPEATS = 8
-# of a row that is fitted anew: draws of coefficients, and proposals of its step 1
-_REFITTED, _PROPOSALS = 200, 1600
+# squares of coefficients, of all draws that a score is made from together
+_SQUARED = 4e5
+# draws of coefficients that suffice for a row that is fitted anew, and of step 2 for each of them
+_DRAWS, _REPEATS = 200, 8
 
 
 class _Starts(NamedTuple):
@@ -282,7 +280,8 @@ class _LeavingOut:
             found = pointwise_loo(first, less, first[:, None], np.zeros(len(y)))
         else:
             n_coefficients = fit.first.coefficients.shape[1] + len(problem.model.column_sd)
-            most = np.clip(_SQUARED / max(n_coefficients, 1) ** 2, _LEAST, _MOST)
+            # so many that all of them with each other fit into a block
+            most = np.clip(_SQUARED / max(n_coefficients, 1) ** 2, _DRAWS, LARGE_BLOCK**0.5)
             some = np.linspace(0, len(first) - 1, min(int(most), len(first))).astype(int)
             starts = self._repeats(some)
             of_first = fit.first.take(starts.draw), fit.unknowns[starts.draw]
@@ -348,7 +347,7 @@ class _LeavingOut:
             The same of the repeats, given their draw of step 1.
         """
         fit, random = self.fit, self.random_state
-        n = min(fit.first.n_draws, _REFITTED)
+        n = min(fit.first.n_draws, _DRAWS)
         smoothed, khat = pareto_smooth(log_weight) if np.ptp(log_weight) else (0 * log_weight, 0.0)
         of_first = smoothed[some][:, None] - special.logsumexp(kept, axis=1, keepdims=True)
         share = special.softmax((kept + of_first).ravel())
@@ -357,7 +356,7 @@ class _LeavingOut:
         near = near_draws(starts.u, share), near_draws(starts.u, equal)
         if khat <= khat_limit(len(log_weight)):
             return _Step(fit.first.take(begun.draw), fit.unknowns[begun.draw], begun, near)
-        step = carried_step(without, powers, fit.proposals, n, _PROPOSALS, random)
+        step = carried_step(without, powers, fit.proposals, n, _REPEATS * _DRAWS, random)
         if step is None:
             target = make_target(without, *powers_used(without, powers))
             step = first_step(target, self.sampler, n, random)
@@ -386,8 +385,8 @@ class _LeavingOut:
 
     def _fit_without(self, without: Problem, powers: Powers) -> Posterior:
         """Return draws given all rows but one, from those given all of them where these serve."""
-        n, random = min(self.fit.first.n_draws, 2 * _REFITTED), self.random_state
-        known = carried(without, powers, self.fit.proposals, n, _PROPOSALS, random)
+        n, random = min(self.fit.first.n_draws, 2 * _DRAWS), self.random_state
+        known = carried(without, powers, self.fit.proposals, n, _REPEATS * _DRAWS, random)
         if known is None:
             known = fit_problem(without, powers, self.sampler, n, random)
         return known.second

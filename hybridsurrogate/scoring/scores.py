@@ -347,9 +347,10 @@ def _standard_error(values: FloatArray) -> float:
     return float(values.std(ddof=1) / np.sqrt(len(values)))
 
 
+# of predictive intervals
+COVERAGE_LEVEL = 0.9
 # of y, behind a continuous ranked probability score
 _N_DRAWS = 1000
-_LEVEL_OF_SCORER = 0.9
 
 
 def elpd_scorer(estimator: Any, X: ArrayLike, y: ArrayLike) -> float:
@@ -465,12 +466,10 @@ def interval_score_scorer(estimator: Any, X: ArrayLike, y: ArrayLike) -> float:
     -2.0
     """
     interval = _method(estimator, "predict_interval", "interval_score_scorer")
-    lower, upper = interval(X, level=_LEVEL_OF_SCORER)
+    lower, upper = interval(X, level=COVERAGE_LEVEL)
     values, there = _measured(estimator, y)
     _check_rows("predict_interval(X)", lower, values)
-    return -float(
-        interval_score(values[there], lower[there], upper[there], _LEVEL_OF_SCORER).mean()
-    )
+    return -float(interval_score(values[there], lower[there], upper[there], COVERAGE_LEVEL).mean())
 
 
 #: All scorers by name, as in ``GridSearchCV(model, grid, scoring=SCORERS, refit="elpd")``.

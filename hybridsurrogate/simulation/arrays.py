@@ -54,7 +54,7 @@ def is_of_calendar(name: str) -> bool:
 
 
 # doubles end at 1e308, and sums of squares are formed of everything
-_LARGEST = 1e150
+LARGEST = 1e150
 
 _COUNT_DATES = (
     "Count dates from a fixed day, (dates - numpy.datetime64('2020-01-01')) / "
@@ -249,9 +249,9 @@ def as_outputs(y: ArrayLike, word: str = "y", gaps: bool = False) -> FloatArray:
 def check_size(values: FloatArray, word: str) -> None:
     """Raise ValueError for finite numbers whose squares doubles cannot hold."""
     size = np.max(np.abs(values), initial=0.0, where=np.isfinite(values))
-    if size > _LARGEST:
+    if size > LARGEST:
         raise ValueError(
-            f"{word} has values as large as {size:g}: above {_LARGEST:g} their squares "
+            f"{word} has values as large as {size:g}: above {LARGEST:g} their squares "
             "overflow. Leave out what has diverged, or choose another unit."
         )
 
@@ -261,10 +261,10 @@ def check_spread(values: FloatArray, word: str) -> None:
     check_size(values, word)
     for column in np.atleast_2d(values.T):
         spread = (np.ptp(column) or np.max(np.abs(column))) if len(column) else 0.0
-        if 0 < spread < 1 / _LARGEST:
+        if 0 < spread < 1 / LARGEST:
             raise ValueError(
                 f"{word} has values that differ by no more than {spread:g}, or are as small: below "
-                f"{1 / _LARGEST:g} their squares are zero. Choose another unit."
+                f"{1 / LARGEST:g} their squares are zero. Choose another unit."
             )
 
 

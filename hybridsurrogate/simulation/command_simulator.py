@@ -20,12 +20,9 @@ from hybridsurrogate.arguments import check_choice, check_mapping, check_number,
 from hybridsurrogate.exceptions import did_you_mean
 from hybridsurrogate.simulation.outputs import by_output, output_names
 from hybridsurrogate.simulation.simulator import Simulator
-from hybridsurrogate.simulation.table_file import read_table
+from hybridsurrogate.simulation.table_file import LONGEST, read_table
 from hybridsurrogate.simulation.variables import Assumed, Range, check_ranges, named_fields
 from hybridsurrogate.types import FloatArray, Prior
-
-# of what a program says when it fails
-_TAIL = 300
 
 
 class CommandSimulator(Simulator):
@@ -185,7 +182,7 @@ class Command:
                 f"the program took longer than {self.timeout:g} s and was stopped"
             ) from None
         if done.returncode:
-            tail = " ".join((done.stderr or done.stdout).split())[-_TAIL:]
+            tail = " ".join((done.stderr or done.stdout).split())[-LONGEST:]
             raise RuntimeError(f"the program ended with code {done.returncode}: {tail}")
         return done.stdout
 

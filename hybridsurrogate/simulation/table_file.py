@@ -32,8 +32,8 @@ _NETCDF = (".nc", ".nc4", ".cdf")
 _FETCHED = ("http", "https", "ftp")
 # seconds without an answer
 _PATIENCE = 60.0
-# of what a library says
-_LONGEST = 200
+# characters of what a library or a program says when it fails
+LONGEST = 300
 _SPREADSHEETS = (".xlsx", ".xls", ".xlsm", ".ods")
 _OTHER_SEPARATORS = {";": "semicolons", "\t": "tabs"}
 
@@ -83,7 +83,7 @@ def _read_as(format_name: str, file: Path, read: Callable[[Path], pd.DataFrame])
     except ImportError:
         raise
     except Exception as error:  # each library, and each version of it, has different classes
-        reason = " ".join(str(error).split())[:_LONGEST]
+        reason = " ".join(str(error).split())[:LONGEST]
         raise ValueError(
             f"{file} cannot be read as a {format_name} file: it is damaged, or none "
             f"({type(error).__name__}: {reason})."

@@ -26,14 +26,13 @@ from hybridsurrogate.model.rows.columns import Experiments
 from hybridsurrogate.numerics.linear_algebra import LARGE_BLOCK, blocks
 from hybridsurrogate.simulation.arrays import as_numbers
 from hybridsurrogate.simulation.outputs import OUTPUT
+from hybridsurrogate.simulation.variables import MOST_LEVELS
 from hybridsurrogate.types import FloatArray
 
 # values of the new measurement under each component: Gauss and Legendre's nodes of its cumulative
 # probability, which serve narrow and wide alternatives together as well as similar ones; fewer
 # where each component is there at three amplitudes of a remainder
 _VALUES, _VALUES_BEYOND = 24, 8
-# an input with so few values, whole numbers in a row, counts things
-_MOST_NUMBERED = 6
 _N_PLACES, _AS_GOOD = 60, 0.98
 # places of a batch to choose from where none are given, and simulated batches: expected
 # information is estimated to about 0.02 bits
@@ -101,9 +100,8 @@ def _values_of(
 ) -> FloatArray:
     known = np.unique(measured)
     # between its values a column such as a batch or the number of a sensor means nothing
-    numbers = len(known) <= _MOST_NUMBERED and bool(
-        np.all(np.diff(known) == 1) and known[0] % 1 == 0
-    )
+    # an input with so few values, whole numbers in a row, counts things
+    numbers = len(known) <= MOST_LEVELS and bool(np.all(np.diff(known) == 1) and known[0] % 1 == 0)
     if name in ranges and not numbers and name != OUTPUT:
         return np.linspace(*ranges[name], _N_PLACES)
     return known[np.linspace(0, len(known) - 1, min(len(known), _N_PLACES)).round().astype(int)]

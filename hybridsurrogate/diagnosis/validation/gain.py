@@ -12,9 +12,10 @@ from numpy.typing import ArrayLike
 
 from hybridsurrogate.notebook import table
 from hybridsurrogate.numerics import digits
+from hybridsurrogate.scoring.scores import COVERAGE_LEVEL
 from hybridsurrogate.types import FloatArray
 
-COVERAGE_LEVEL, HALF = 0.9, 0.5
+HALF = 0.5
 _HEADER = ("", "before", "after", "difference")
 
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import stats
 
-from hybridsurrogate.effects.base import Cause, Context, FloatArray, Rows, quantiles
+from hybridsurrogate.effects.base import STANDARD, Cause, Context, FloatArray, Rows, quantiles
 from hybridsurrogate.effects.context import UNKNOWN, Axis
 from hybridsurrogate.effects.expressions import Code
 from hybridsurrogate.effects.over_column import OverColumn
@@ -67,7 +67,7 @@ class Autocorrelation(OverColumn):
     )
     unknowns = ("length", "amplitude")
     is_process = True
-    coefficient_sd = 1.0
+    coefficient_sd = STANDARD
     coefficients = (
         "constant",
         *(f"{wave}_{k}" for k in range(1, _PAIRS + 1) for wave in ("cos", "sin")),

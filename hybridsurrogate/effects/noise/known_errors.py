@@ -11,7 +11,7 @@ import numpy as np
 import pandas as pd
 from scipy import stats
 
-from hybridsurrogate.effects.base import ERROR, Cause, Context, Declared, FloatArray, Rows
+from hybridsurrogate.effects.base import ERROR, STANDARD, Cause, Context, Declared, FloatArray, Rows
 from hybridsurrogate.effects.context import MOST_EXPERIMENTS, position_among
 from hybridsurrogate.effects.expressions import Code
 from hybridsurrogate.effects.over_column import OverExperiments
@@ -209,7 +209,7 @@ class SharedErrors(OverExperiments):
 
     kind = "shared-errors"
     about = "column"
-    coefficient_sd = 1.0
+    coefficient_sd = STANDARD
     # what was measured is off
     changes_output = False
 

@@ -8,7 +8,15 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import stats
 
-from hybridsurrogate.effects.base import Cause, Context, Declared, FloatArray, Rows, quantiles
+from hybridsurrogate.effects.base import (
+    STANDARD,
+    Cause,
+    Context,
+    Declared,
+    FloatArray,
+    Rows,
+    quantiles,
+)
 from hybridsurrogate.effects.context import UNKNOWN, Axis
 from hybridsurrogate.effects.expressions import Code
 from hybridsurrogate.effects.over_column import OverColumn
@@ -239,7 +247,7 @@ class CurveByExperiment(OverColumn):
     kind = "curve-by-experiment"
     unknowns = ("length", "amplitude")
     is_process = True
-    coefficient_sd = 1.0
+    coefficient_sd = STANDARD
 
     column: str
     by: str
@@ -433,7 +441,7 @@ class Remainder(Declared):
     """
 
     kind = "remainder"
-    coefficient_sd = 1.0
+    coefficient_sd = STANDARD
     is_learned = False
 
     size: float

@@ -35,8 +35,6 @@ from hybridsurrogate.model.statistics import ROUNDING, prior_log_density, prior_
 from hybridsurrogate.numerics.linear_algebra import blocks, log_det_of, nudged_cholesky
 from hybridsurrogate.types import FloatArray
 
-_IMPOSSIBLE = -1e300
-
 
 class OwnDraws(NamedTuple):
     """Points u for each coefficient draw, and how well the proposals suit them.
@@ -72,7 +70,7 @@ def own_draws(
     value = log_density(starts.reshape(-1, d), np.tile(np.arange(S), M)).reshape(M, S)
     first = value.argmax(axis=0), np.arange(S)
     # a start where the simulation fails stays where it is
-    value = np.maximum(value[first], _IMPOSSIBLE)
+    value = np.maximum(value[first], np.finfo(float).min / 2)
     mode, _, hessian = optimise_density(log_density, starts[first], value)
     factor = PROPOSAL_SCALE * factors(hessian)
     scaled = standard_student_draws((SETTINGS.proposals_each, S, d), random_state)

@@ -271,8 +271,8 @@ def main_directions(problem: MeasuredGiven, z: FloatArray, sigma: float) -> Meas
     follows = model.noise_follows or any("response" in effect.acts_on for effect in model.effects)
     if model.factorises or follows or c.shape[1] < SETTINGS.few_coefficients:
         return problem
-    asked = min(len(z), max(1, SETTINGS.direction_rows // len(problem.y)))
-    some = np.unique(np.linspace(0, len(z) - 1, asked).astype(int))
+    asked = max(1, LARGE_BLOCK // (len(problem.y) * c.shape[1]))
+    some = np.unique(np.linspace(0, len(z) - 1, min(len(z), asked)).astype(int))
     features = model.parts(problem.X, model.values(z[some])).features.reshape(-1, c.shape[1])
     features = features[np.isfinite(features).all(axis=1)]
     v, axes = problem.draws.principal

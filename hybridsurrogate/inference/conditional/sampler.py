@@ -41,8 +41,8 @@ from hybridsurrogate.inference.sampling.importance import (
     mixture_points,
     moment_match,
 )
-from hybridsurrogate.inference.sampling.modes import Gaussian, LogDensity, find_modes
-from hybridsurrogate.inference.sampling.settings import SETTINGS
+from hybridsurrogate.inference.sampling.modes import Gaussian, find_modes
+from hybridsurrogate.inference.sampling.settings import MOST_PROPOSALS, SETTINGS
 from hybridsurrogate.model.posterior import LEAST_EFFECTIVE
 from hybridsurrogate.model.problem import Problem
 from hybridsurrogate.model.statistics import ROUNDING, prior_log_density, prior_of_unknowns
@@ -96,8 +96,6 @@ def conditional_draws(
     return MeasuredDraws(z, sigma, columns, np.nan, accepted, "moves")
 
 
-# noises that are tried, and nats by which one must be better
-_NOISES, _FAR = 20, 25.0
 # rounds in which shares of a mixture are scaled, and the difference of sums at which they end
 _MIXTURE_STEPS, _MIXTURE_TOLERANCE = 100, 1e-2
 
@@ -179,22 +177,6 @@ def moved_step(
     return _drawn(problem, u, np.nan, accepted, "moves", random_state)
 
 
-def _with_wider_noise(log_density: LogDensity, starts: FloatArray, scale: float) -> FloatArray:
-    """Return starts u (S, d), with more noise where that is far more probable.
-
-    Step 1 shares the noise with runs that may have next to none. Newton's steps change the
-    logarithm of a far too small noise by one half each: more are needed than there are.
-    """
-    ladder = np.repeat(starts[:, None], _NOISES, axis=1)
-    ends = starts[:, -1], np.maximum(starts[:, -1], np.log(scale))
-    ladder[..., -1] = np.linspace(*ends, _NOISES, axis=1)
-    value = log_density(ladder.reshape(-1, starts.shape[1])).reshape(ladder.shape[:2])
-    best = np.argmax(value, axis=1)
-    first = np.arange(len(starts))
-    far = value[first, best] > value[:, 0] + _FAR
-    return np.where(far[:, None], ladder[first, best], starts)
-
-
 def _noise_of(first_step: FloatArray) -> float:
     return float(np.exp(np.median(first_step[:, -1])))
 
@@ -211,7 +193,6 @@ def _by_proposals(
         return _log_density(problem, u, centre)[:, 0]
 
     starts = first_step[np.argsort(-at_centre(first_step[:200]))[:2]]
-    starts = _with_wider_noise(at_centre, starts, problem.scale)
     coordinates = standardised(problem.model, at_centre, starts)
     if coordinates is not None:
         first_step, starts = coordinates.of(first_step), coordinates.of(starts)
@@ -230,7 +211,7 @@ def _by_proposals(
         [modes[0]],
         _noise_of(first_step),
         plain,
-        min(n, SETTINGS.most_proposals),
+        min(n, MOST_PROPOSALS),
         random_state,
     )
     u, share, khat, effective = found.u, found.share, found.khat, found.effective
@@ -298,7 +279,7 @@ def _weighted(
         From the proposals' coordinates to u, and the log of the volume.
     """
     components = [first, *others]
-    for round_ in range(SETTINGS.conditional_rounds):
+    for round_ in range(SETTINGS.few):
         points = mixture_points(components, n, random_state)
         u, log_volume = plain(points)
         log_proposal = mixture_log_density(components, points) - log_volume
@@ -308,11 +289,11 @@ def _weighted(
         share = node_shares(log_weight)
         khat, effective = quality(log_weight, share, 25)
         enough = effective > SETTINGS.enough_effective * n and khat <= KHAT_LIMIT
-        if enough or round_ == SETTINGS.conditional_rounds - 1:
+        if enough or round_ == SETTINGS.few - 1:
             break
         components = [moment_match(points, share.mean(axis=1), first), *others]
         # what a thousand do not serve, such as ten unknowns of experiments, has all of them
-        n = SETTINGS.most_proposals
+        n = MOST_PROPOSALS
     return _Weighted(u, log_density, log_proposal, share, khat, effective, enough)
 
 

@@ -25,7 +25,13 @@ from hybridsurrogate.inference.conjugate.factored_rows import (
 )
 from hybridsurrogate.inference.conjugate.target import PowerScaledPosterior
 from hybridsurrogate.model.statistics import ROUNDING, Statistics, prior_of_unknowns
-from hybridsurrogate.numerics.linear_algebra import BLOCK, LARGE_BLOCK, log_det_of, nudged_cholesky
+from hybridsurrogate.numerics.linear_algebra import (
+    BLOCK,
+    LARGE_BLOCK,
+    SINGULAR,
+    log_det_of,
+    nudged_cholesky,
+)
 from hybridsurrogate.types import FloatArray
 
 
@@ -76,7 +82,7 @@ def fixed_rows(gram: FloatArray, mean: FloatArray, sd: FloatArray, log_noise: fl
     size, vectors = np.linalg.eigh(sd[:, None] * ff * sd)
     axes = sd[:, None] * vectors
     # directions that no row speaks about: their size is rounding
-    informed = size > 1e-13 * max(size.max(initial=0.0), 1e-300)
+    informed = size > SINGULAR * max(size.max(initial=0.0), 1e-300)
     size = np.where(informed, size, 0.0)
     along = np.where(informed, axes.T @ (fy - ff @ mean), 0.0) / np.sqrt(
         np.where(informed, size, 1.0)
@@ -115,12 +121,6 @@ class _FewRows(NamedTuple):
 
 
 _LOG_2PI = float(np.log(2 * np.pi))
-
-_NO_NOISE = 1e-20
-
-# with runs, measured rows are few where there are this many coefficients for each: then their
-# covariance is cheaper than that of the coefficients
-_MANY_FOR_EACH = 1.5
 
 
 @dataclass(frozen=True)
@@ -170,7 +170,7 @@ class CollapsedPosterior(PowerScaledPosterior):
         """Return the log density of u (J, d), up to the constants of the prior of z."""
         out = prior_of_unknowns(u, self.noise_prior)
         # far below the rounding of the data, where a square of sigma would underflow
-        possible = np.isfinite(out) & (np.exp(u[:, -1]) > _NO_NOISE * self.scale)
+        possible = np.isfinite(out) & (np.exp(u[:, -1]) > SINGULAR * self.scale)
         out[~possible] = -np.inf
         # where a cause makes the noise of some rows vanish, their squares are infinite
         with np.errstate(over="ignore", invalid="ignore"):
@@ -233,8 +233,7 @@ class CollapsedPosterior(PowerScaledPosterior):
         """Whether measured rows count, and are fewer than the coefficients."""
         if self.model.n_hyper or not self.measured_power:
             return False
-        most = len(self._prior[0]) / (_MANY_FOR_EACH if self._with_runs else 1)
-        return len(self.y) < most
+        return len(self.y) < len(self._prior[0])
 
     @cached_property
     def _before(self) -> FixedRows:

@@ -148,7 +148,9 @@ def _followed_ridge(
                 # a mode beyond the end of a prior has no room on that side
                 room = max(SETTINGS.prior_end - np.sign(spacing[k]) * node.s, 0.0)
                 spacing[k] = np.sign(spacing[k]) * min(abs(spacing[k]), room)
-            ended = abs(spacing[k]) < 0.5 * least or node.value < best - SETTINGS.ridge_deep
+            ended = abs(spacing[k]) < 0.5 * least or node.value < best + np.log(
+                SETTINGS.least_share
+            )
             if ended or not np.isfinite(node.value):
                 going.remove(k)
     return sides
@@ -339,7 +341,7 @@ def _followed(
     value = target.search_density(points)
     curvature = np.ones((len(points), r))
     reach = np.ones(len(points))
-    for _ in range(SETTINGS.following_steps):
+    for _ in range(SETTINGS.few):
         around = (points[:, None] + offsets).reshape(-1, points.shape[1])
         plus, minus = np.split(target.search_density(around).reshape(len(points), -1), 2, axis=1)
         with np.errstate(invalid="ignore"):

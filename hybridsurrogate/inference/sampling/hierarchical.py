@@ -22,11 +22,9 @@ from hybridsurrogate.inference.conjugate.target import Target
 from hybridsurrogate.inference.sampling.importance import Proposals
 from hybridsurrogate.inference.sampling.modes import LogDensity, find_modes
 from hybridsurrogate.model.observation import MeasuredModel
+from hybridsurrogate.numerics.linear_algebra import SINGULAR
 from hybridsurrogate.priors import from_normal, prior_sd, to_normal
 from hybridsurrogate.types import FloatArray, Prior
-
-# a spread next to nothing, in standard deviations of the parameter's prior
-_LEAST = 1e-9
 
 
 class Hierarchy(NamedTuple):
@@ -90,7 +88,7 @@ class Coordinates:
         middle, sd = float(priors[one.mean].median()), prior_sd(priors[one.mean])
         mean = from_normal([priors[one.mean]], x[:, [one.mean]])
         spread = from_normal([priors[one.spread]], x[:, [one.spread]])
-        return (mean - middle) / sd, np.maximum(spread / sd, _LEAST)
+        return (mean - middle) / sd, np.maximum(spread / sd, SINGULAR)
 
     def _given_rows(self, x: FloatArray, one: Hierarchy) -> tuple[FloatArray, FloatArray]:
         """Return mean and standard deviation (J, E) of p_e given its rows, in the same units."""

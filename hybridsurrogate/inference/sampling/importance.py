@@ -102,38 +102,6 @@ def _cells_of(modes: Sequence[Gaussian], points: FloatArray) -> list[Cell]:
     return [np.flatnonzero(nearest == k) for k in range(len(modes))]
 
 
-def _balanced(
-    log_weight: FloatArray, cells: list[Cell], doubtful: NDArray[np.bool_], d: int
-) -> FloatArray:
-    """Return weights (J,) by which proposals are shaped, cell by cell.
-
-    A cell with a bad tail gets a fair share: how much lies there is not known yet, and more points
-    are how it comes to be. The weights of too few effective points are evened out by a power.
-    """
-    out = np.exp(log_weight - special.logsumexp(log_weight))
-    for cell, doubted in zip(cells, doubtful, strict=True):
-        if np.isfinite(log_weight[cell]).any():
-            fair = 0.5 / len(cells) if doubted and len(cells) > 1 else 0.0
-            share = max(out[cell].sum(), fair)
-            out[cell] = share * _evened(log_weight[cell], SETTINGS.shaping * d)
-    return out / out.sum()
-
-
-def _evened(log_weight: FloatArray, least: float) -> FloatArray:
-    """Return normalised weights to the largest power up to one with so many effective points."""
-    low, high = 0.0, 2.0
-    for _ in range(SETTINGS.proposal_halvings):
-        power = 0.5 * (low + high)
-        weight: FloatArray = special.softmax(power * log_weight)
-        if 1 / np.sum(weight**2) < least:
-            high = power
-        elif power == 1.0:
-            break
-        else:
-            low = power
-    return weight
-
-
 def matched(points: FloatArray, weight: FloatArray, components: list[Gaussian]) -> list[Gaussian]:
     """Return each component moved to the moments of the points that it is responsible for."""
     share = _responsible(points, weight, components)
@@ -157,9 +125,9 @@ def slices(points: FloatArray, weight: FloatArray, components: list[Gaussian]) -
         axis = np.linalg.eigh(g.factor @ g.factor.T)[1][:, -1]
         order = np.argsort(points @ axis)
         part = np.minimum(
-            SETTINGS.slices * np.cumsum(own[order]) / own.sum(), SETTINGS.slices - 1
+            SETTINGS.few * np.cumsum(own[order]) / own.sum(), SETTINGS.few - 1
         ).astype(int)
-        for k in range(SETTINGS.slices):
+        for k in range(SETTINGS.few):
             inside = order[part == k]
             m = own[inside].sum()
             if m > SETTINGS.least_share:
@@ -270,10 +238,9 @@ def importance_draws(
         enough = effective >= SETTINGS.enough_effective * n_proposals
         if (enough and khat <= good) or round_ == max_rounds - 1:
             break
-        shaping = _balanced(smoothed, cells, np.asarray(khats) > good, shaped.shape[1])
-        components = matched(shaped, shaping, components)
-        if len(components) <= SETTINGS.slices:
-            components = [*components, *slices(shaped, shaping, components)]
+        components = matched(shaped, weight, components)
+        if len(components) <= SETTINGS.few:
+            components = [*components, *slices(shaped, weight, components)]
         if n_noise:
             noise = points[:, -n_noise:]
             spread = np.sqrt(weight @ np.einsum("jk,jk->j", noise, noise) / n_noise)

@@ -205,7 +205,7 @@ def find_modes(
     x, value, hessian = optimise_density(
         any_start, x[alive], value[alive], step_share, prune=True, least_step=least_step
     )
-    if np.spacing(np.abs(value.max())) > SETTINGS.mode_rounding:
+    if np.spacing(np.abs(value.max())) > SETTINGS.mode_gain:
         raise ValueError(
             f"At the best parameters the log density is {value.max():.1g}, so low that rounding "
             "hides how it changes: the data are further from the simulation than any noise that "

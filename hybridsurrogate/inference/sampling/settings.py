@@ -18,29 +18,20 @@ class SamplingSettings:
     enough_effective : float
         Draws of a smaller effective share are tried once more, from wider proposals.
     prior_proposed : float
-        Share of these that the priors have, of that of the wider ones.
-    mode_share, proposal_share : float
-        Share of the best mode's mass from which a further one makes a posterior multimodal, and
-        from which it has separate proposals.
+        Share of these that the priors have, of that of the wider ones. Without, two of 88 densities
+        need an ensemble that do not with it.
+    mode_share : float
+        Share of the best mode's mass from which a further one makes a posterior multimodal.
     evidence_starts : int
         Starts from which the modes of an evidence are sought: 148 evidences of counts and heavy
         tails differ by less than 0.3 nats from those from four starts.
     good_khat : float
         Rounds of adaptation stop here. Around bends up to 6.5 % of draws lie beyond an end that
         should leave 5 % where they stop at 0.5, up to 5.7 % at 0.3.
-    slices : int
-        Of so many proposals each is cut into as many slices, of more none. Without, means of 16
-        fresh densities on bends are off by 0.030 instead of 0.022 standard deviations, and 40
-        instead of 23 of 232 such densities have a bad k-hat.
     least_share, least_proposed : float
-        A proposal with less of the weight stays where it is, and counts as if it had that; each has
-        at least this share of the points.
-    shaping : float
-        Effective points, for each dimension, from which a proposal is shaped: fewer are evened out
-        by a power of their weights. As they are, evidences of 142 bent, skewed and heavy-tailed
-        densities are off by 0.30 nats on average instead of 0.16.
-    proposal_halvings : int
-        Halvings that find this power.
+        A mode with less of the best one's mass has no proposals; one of these with less of the
+        weight stays where it is, and counts as if it had that; each has at least the second share
+        of the points.
     prior_end : float
         No prior has mass beyond.
     line_points : int
@@ -51,14 +42,18 @@ class SamplingSettings:
         instead of 0.03 on average.
     bins, bin_sd : int, float
         Of a piecewise proposal; the standard deviation of a bin's in widths.
-    following_steps : int
-        Steps uphill in the other unknowns along a line.
+    few : int
+        Newton steps, and rounds of adaptation, where proposals need no more than about the right
+        place: along a line, given the surrogate's coefficients, and in the smoothing of a rough
+        density by its own posterior. And slices into which as many proposals are cut, of more none:
+        without, means of 16 fresh densities on bends are off by 0.030 instead of 0.022 standard
+        deviations, and 40 instead of 23 of 232 such densities have a bad k-hat.
     max_starts, converged_noise : int, float
         Starts of a search for modes; and the change of the noise, as a share, at which fits that
         are repeated with their estimated noise have converged.
-    mode_steps, mode_gain, mode_rounding : int, float, float
+    mode_steps, mode_gain : int, float
         Steps to a mode at most; gain of the log density, in nats, at which one has reached it: it
-        shapes proposals only; log densities that differ by less than the last are equal.
+        shapes proposals only.
     enough_matched : float
         Effective share below which moments are matched: with a tenth, means of 300 densities are
         off by 0.046 instead of 0.042 standard deviations.
@@ -67,9 +62,9 @@ class SamplingSettings:
         an exchange of two unknowns below it, means with and without a ridge differ by 0.8 of their
         errors, and standard deviations are some 2 % smaller without; above 1000 means differ by 0.2
         to 14 standard deviations. Few effective draws are reason enough at any length.
-    ridge_spacing, ridge_deep, ridge_missed : float
-        Of points on a ridge: least distance, depth at which it ends, and standard deviations by
-        which the next may be missed: a spline between them misses a fortieth.
+    ridge_spacing, ridge_missed : float
+        Of points on a ridge: least distance, and standard deviations by which the next may be
+        missed: a spline between them misses a fortieth. It ends at a density of the least share.
     smallest_move : float
         Differential evolution moves by several sizes at once, down to this one: some posteriors are
         as wide as the population, some far narrower.
@@ -84,17 +79,9 @@ class SamplingSettings:
     output_left_out, few_coefficients : float, int
         What leading directions of the coefficients may leave out of an output on average, in
         standard deviations of the noise; fewer coefficients are few.
-    direction_rows : int
-        Of nodes, that are asked for these directions.
-    most_proposals, conditional_rounds : int
-        Proposals that are weighted with all coefficient draws, in each round at most, and rounds.
-        Where draws of step 1 are tried once more they are four times as many, at least: far fewer
-        than an ensemble's steps.
     many_dimensions : int
         Beyond, coefficient draws have separate proposals only where shared ones are doubtful: with
         13 unknowns separate ones took 100 s, shared ones six, with a k-hat of 0.57.
-    width_steps, width_rounds : int
-        Steps before the smoothing of a rough density is matched to its own posterior; how often.
     """
 
     oversampling: int = 3
@@ -102,29 +89,23 @@ class SamplingSettings:
     enough_effective: float = 0.1
     prior_proposed: float = 0.2
     mode_share: float = 0.02
-    proposal_share: float = 1e-5
     evidence_starts: int = 2
     good_khat: float = 0.3
-    slices: int = 4
     least_share: float = 1e-3
     least_proposed: float = 0.05
-    shaping: float = 10.0
-    proposal_halvings: int = 12
     prior_end: float = 6.5
     line_points: int = 200
     far_from_normal: float = 0.25
     bins: int = 40
     bin_sd: float = 0.6
-    following_steps: int = 4
+    few: int = 4
     max_starts: int = 5
     converged_noise: float = 0.7
     mode_steps: int = 40
     mode_gain: float = 1e-3
-    mode_rounding: float = 1e-2
     enough_matched: float = 0.2
     ridge_elongation: float = 300.0
     ridge_spacing: float = 0.1
-    ridge_deep: float = 12.0
     ridge_missed: float = 4.0
     smallest_move: float = 0.03
     ensemble_steps: int = 200
@@ -133,12 +114,10 @@ class SamplingSettings:
     proposals_each: int = 60
     output_left_out: float = 3e-3
     few_coefficients: int = 30
-    direction_rows: int = 20_000
-    most_proposals: int = 3000
-    conditional_rounds: int = 4
     many_dimensions: int = 10
-    width_steps: int = 4
-    width_rounds: int = 3
 
 
 SETTINGS = SamplingSettings()
+# that are weighted together with all coefficient draws in one round at most; four times as many
+# where draws of step 1 are tried once more are far fewer than an ensemble's steps
+MOST_PROPOSALS = SETTINGS.oversampling * SETTINGS.min_proposals

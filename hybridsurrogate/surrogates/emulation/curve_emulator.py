@@ -18,6 +18,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+import pandas as pd
 from numpy.typing import NDArray
 from scipy.interpolate import BSpline, make_interp_spline
 
@@ -45,9 +46,8 @@ from hybridsurrogate.types import FloatArray
 
 # rows are curves where there are so many runs at least and so many rows a run on average
 _LEAST_RUNS, _LEAST_ROWS = 8, 5
-# rows by which it is seen that runs are no curves, without a look at millions
-_LOOK = 20_000
-# places of a common grid, at most, where each run has its own
+# places of a common grid, at most, where each run has its own; and columns of the error of
+# interpolation, of which the residual shares one
 _MOST_PLACES = 1000
 # what the components leave of the spread of all curves, and how many there are at most
 _LEFT, _MOST_COMPONENTS = 1e-3, 40
@@ -138,10 +138,8 @@ def curves_of(X: FloatArray, omega: FloatArray, eta: FloatArray) -> Curves | Non
     """
     if not omega.shape[1] or len(eta) < _LEAST_RUNS * _LEAST_ROWS:
         return None
-    look = omega
-    if len(eta) > _LOOK:
-        look = omega[np.random.default_rng(0).choice(len(eta), _LOOK, replace=False)]
-    if len(np.unique(look, axis=0)) * _LEAST_ROWS > len(look):
+    # quick, for runs that are no curves may be millions
+    if np.sum(~pd.DataFrame(omega).duplicated()) * _LEAST_ROWS > len(eta):
         return None
     best: tuple[int, FloatArray, NDArray[np.intp]] | None = None
     for along in range(X.shape[1]):
@@ -255,10 +253,6 @@ def _filled(table: FloatArray) -> FloatArray:
             break
         source = slice(None)
     return out
-
-
-# columns at most of the error of interpolation; the residual shares one
-_MOST_BETWEEN = 500
 
 
 @dataclass(frozen=True, eq=False)
@@ -408,7 +402,7 @@ class CurveEmulator:
                 return own * own[k] * along * alike
 
             least = max(NEGLIGIBLE * float(np.max(own**2)), float(np.mean(missed**2)))
-            some, _ = pivoted_cholesky(own**2, column, least, _MOST_BETWEEN)
+            some, _ = pivoted_cholesky(own**2, column, least, _MOST_PLACES)
             factor = np.zeros((len(X), some.shape[1]))
             factor[off] = some
         left = np.maximum(sd**2 - np.sum(factor**2, axis=1), 0.0)

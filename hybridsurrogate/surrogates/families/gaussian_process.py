@@ -24,7 +24,6 @@ KERNELS = ("squared-exponential", "matern-5/2", "matern-3/2")
 _DEGREE = {1: 30, 2: 10, 3: 7, 4: 5}
 # kernels with kinks need more
 _ROUGH_DEGREE = {1: 60, 2: 16, 3: 8, 4: 6}
-_MAX_DIMENSIONS_DEGREE = 4
 # the polynomials live on a range this much wider, beyond which the process is held constant
 _MARGIN = 1.15
 
@@ -95,7 +94,7 @@ class GaussianProcess(Surrogate):
         degree = self.degree
         if degree is None:
             table = _DEGREE if self.kernel == KERNELS[0] else _ROUGH_DEGREE
-            degree = table[min(len(names), _MAX_DIMENSIONS_DEGREE)]
+            degree = table[min(len(names), max(table))]
         check_scalar(degree, "degree", Integral, min_val=1)
         powers = multi_indices(len(names), int(degree))
         length = stats.invgamma(5, scale=5)

@@ -12,9 +12,9 @@ from hybridsurrogate.diagnosis.report.details import pictures
 from hybridsurrogate.diagnosis.report.elements.section import Picture, Section, Table
 from hybridsurrogate.diagnosis.report.elements.view import View
 from hybridsurrogate.diagnosis.validation.beta_scan import has_weight, is_slow
-from hybridsurrogate.diagnosis.validation.gain import COVERAGE_LEVEL, HALF, HeldOutGain
+from hybridsurrogate.diagnosis.validation.gain import HALF, HeldOutGain
 from hybridsurrogate.numerics import digits
-from hybridsurrogate.scoring.scores import last_of_the_best
+from hybridsurrogate.scoring.scores import COVERAGE_LEVEL, last_of_the_best
 
 _EXPLAINED = (
     "The log score (ELPD) is the logarithm of the probability density that a model gave to a "

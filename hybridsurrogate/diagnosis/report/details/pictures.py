@@ -19,10 +19,11 @@ from hybridsurrogate.diagnosis.report.elements.view import (
     root_mean_square,
 )
 from hybridsurrogate.diagnosis.validation.beta_scan import best_beta
-from hybridsurrogate.diagnosis.validation.gain import COVERAGE_LEVEL, HeldOutGain
+from hybridsurrogate.diagnosis.validation.gain import HeldOutGain
 from hybridsurrogate.effects.context import MOST_EXPERIMENTS
 from hybridsurrogate.numerics import digits
 from hybridsurrogate.plotting import AFTER, BEFORE, Predicted
+from hybridsurrogate.scoring.scores import COVERAGE_LEVEL
 from hybridsurrogate.types import FloatArray
 
 # rows held out: a table and its outputs, checked
