@@ -72,7 +72,7 @@ class OdeSimulator(Simulator):
         `scipy.integrate.solve_ivp`, such as "LSODA" or "Radau", one solution after another.
     max_step : float, optional
         The step of "rk4", by default the longest that leaves solutions as they are when it is
-        halved, from 1/400 to 1/6400 of the range of time; the largest step of scipy's methods,
+        halved, from 1/100 to 1/6400 of the range of time; the largest step of scipy's methods,
         which have no limit by default. With "auto" it is that of "rk4".
     max_steps : int, default=1000
         Of one solution, by any method but "rk4"; of scipy's methods a hundred times as many calls

@@ -15,8 +15,9 @@ from hybridsurrogate.ode.function import OdeFunction, StateColumns
 from hybridsurrogate.ode.integration import extent
 from hybridsurrogate.types import FloatArray
 
-# steps over the range of time
-_FEWEST, _MOST = 400, 6400
+# steps over the range of time: from 400 instead of 100 on diagnoses take 2.3 times as long, and
+# evidences are the same to 0.01 nats (eight blind cases of three equations)
+_FEWEST, _MOST = 100, 6400
 # steps from which those of a method for stiff equations, about as many times dearer, are tried
 _QUICK = 1600
 # in which the sizes of states settle

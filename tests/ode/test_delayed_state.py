@@ -17,7 +17,7 @@ from hybridsurrogate.ode.dynamics import DelayedState
 @pytest.mark.parametrize("lag", [0.003, 0.4037, 1.0, 7.0])
 def test_delayed_state_follows_the_closed_form(lag):
     # dn/dt = -rate n(t - lag) from n = 2 by the method of steps: sums of powers
-    late = make_decay().modified([DelayedState("n")])
+    late = make_decay(max_step=0.01).modified([DelayedState("n")])
     t, rate = np.linspace(1, 5, 41), 0.7
     since, expected = t - 1, np.full(len(t), 2.0)
     for k in range(1, 1 + int(np.ceil(4 / lag)) if lag > 0.1 else 1):

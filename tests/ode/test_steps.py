@@ -61,7 +61,25 @@ def test_what_the_solver_leaves_out_is_not_named():
 
 
 def test_smooth_solutions_take_long_steps():
-    assert ode(decaying, [1.0], 20, {"rate": stats.uniform(0.1, 0.4)}).function.step >= 0.05
+    simulator = ode(decaying, [1.0], 20, {"rate": stats.uniform(0.1, 0.4)})
+    assert simulator.function.step >= 0.2
+    t = np.linspace(0, 20, 101)
+    np.testing.assert_allclose(
+        simulator(t[:, None], np.full((101, 1), 0.5)), np.exp(-0.5 * t), atol=1e-4
+    )
+
+
+@pytest.mark.parametrize("location", [5.0, 5.07, 11.9])
+def test_long_steps_follow_a_rate_that_jumps_anywhere(location):
+    """The state has a bend there: what is off is less than noise of one percent."""
+    plain = ode(decaying, [1.0], 20, {"rate": stats.uniform(0.1, 0.4)})
+    change = TimeVaryingParameter("rate", "step")
+    simulator = plain.modified([change])
+    t = np.linspace(0, 20, 401)
+    numbers = {"rate": 0.3, "rate_step_amount": 0.5, "rate_step_location": location}
+    found = simulator(t[:, None], np.tile(list(numbers.values()), (401, 1)))
+    exact = np.exp(-0.3 * t - 0.15 * np.maximum(t - location, 0))
+    np.testing.assert_allclose(found, exact, atol=3e-3)
 
 
 def test_a_right_hand_side_that_jumps_is_not_followed_without_end():
@@ -78,7 +96,7 @@ def test_a_right_hand_side_that_jumps_is_not_followed_without_end():
 
 
 def test_stiff_solutions_that_short_steps_can_follow():
-    """At 1/400 of the range, the step that was taken whatever the equation, there were none."""
+    """At 1/400 of the range, the step that was once taken for any equation, there were none."""
     rate = hs.truncated_normal(2000, 100, 1000, 3000)
     simulator = ode(lambda t, state, rate: -rate * (state - np.cos(t)), [0.0], 3, {"rate": rate})
     t = np.linspace(0.1, 3, 20)
