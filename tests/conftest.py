@@ -8,6 +8,7 @@ from shared_files import SHARED
 from threadpoolctl import threadpool_limits
 
 import hybridsurrogate as hs
+from hybridsurrogate.diagnosis.fitting import verdict
 from hybridsurrogate.simulation.simulator import Simulator
 
 # processes share the cores already, and sums split among threads are rounded otherwise: one thread
@@ -92,6 +93,13 @@ def fitted_mixture(simulation, measured):
         simulation, surrogate=hs.PolynomialChaos(degree=2), beta=0.3, n_draws=400, random_state=0
     )
     return model.fit(*measured)
+
+
+@pytest.fixture
+def verdict_alone(monkeypatch):
+    """Leave out what an adequate diagnosis adds: how large a cause of each kind would show."""
+    for name in ("detectable", "smallest_detectable"):
+        monkeypatch.setattr(verdict, name, lambda *_: None)
 
 
 @pytest.fixture(scope="session")

@@ -130,6 +130,7 @@ def test_replicates_scatter_as_the_errors_say():
     assert np.all(share > 0.95)
 
 
+@pytest.mark.usefixtures("verdict_alone")
 @pytest.mark.parametrize("noise", ["known", "added"])
 def test_a_right_simulation_is_adequate(noise):
     alarms = 0

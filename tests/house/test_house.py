@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -21,6 +22,11 @@ LONG = {
 }
 
 
+@cache
+def parsed(path: Path) -> ast.Module:
+    return ast.parse(path.read_text(encoding="utf-8"))
+
+
 def module_of(path: Path) -> str:
     return ".".join([ROOT.name, *path.relative_to(ROOT).with_suffix("").parts])
 
@@ -36,6 +42,7 @@ def room_of(module: str) -> str:
     return module if parent == ROOT.name else parent
 
 
+@cache
 def imports_of(path: Path) -> list[tuple[str, ast.ImportFrom]]:
     """Return the imports from the package, each with the module it names.
 
@@ -43,7 +50,7 @@ def imports_of(path: Path) -> list[tuple[str, ast.ImportFrom]]:
     """
     room = module_of(path).split(".")[:-1]
     out = []
-    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+    for node in ast.walk(parsed(path)):
         if not isinstance(node, ast.ImportFrom):
             continue
         above = room[: len(room) + 1 - node.level] if node.level else []
@@ -104,7 +111,7 @@ def test_no_private_names_of_another_file(path):
 
 @pytest.mark.parametrize("path", FILES, ids=module_of)
 def test_functions_are_short(path):
-    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+    for node in ast.walk(parsed(path)):
         if not isinstance(node, ast.FunctionDef):
             continue
         if (module_of(path).removeprefix(f"{ROOT.name}."), node.name) in LONG:

@@ -58,6 +58,7 @@ def test_the_extended_model_predicts_out_of_range(found):
     assert np.median([row["ratio"] for row in found]) < 0.25
 
 
+@pytest.mark.usefixtures("verdict_alone")
 @pytest.mark.parametrize(
     "exclude", [all_but("trend", "step", "bump", "noise"), pytest.param((), marks=pytest.mark.slow)]
 )
