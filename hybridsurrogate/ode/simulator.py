@@ -299,6 +299,11 @@ class OdeSimulator(Simulator):
         return self.function.solution(self._columns(*self._check_points(X, omega)))
 
     @property
+    def solves_together(self) -> bool:
+        """Whether many solutions are followed at once: with "rk4" alone."""
+        return self.method == "rk4"
+
+    @property
     def remembers(self) -> bool:
         """Whether the right-hand side can use earlier states: with "rk4" alone."""
         return self.method == "rk4"

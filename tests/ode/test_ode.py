@@ -347,3 +347,19 @@ def test_causes_inside_the_dynamics_need_an_exact_ode():
     ):
         with pytest.raises(ValueError, match=message):
             model.set_params(effects=(cause,)).fit(t, y)
+
+
+@pytest.mark.parametrize(("method", "again"), [("rk4", True), ("LSODA", False)])
+def test_solutions_that_are_dear_one_by_one_are_cached(method, again):
+    calls = []
+
+    def decay(t, state, rate):
+        calls.append(t)
+        return -rate * state
+
+    simulator = make_decay(rhs=decay, method=method)
+    t, rate = np.array([[1.0], [2.0]]), np.full((2, 1), 0.5)
+    first = simulator.cached(t, rate)
+    calls.clear()
+    np.testing.assert_array_equal(simulator.cached(t, rate), first)
+    assert bool(calls) is again
