@@ -179,10 +179,13 @@ def squares_of_factors(
     rows.
     """
     p = of_inputs.shape[1]
-    distinct, group = np.unique(of_inputs, axis=1, return_inverse=True)
+    # `numpy.unique` of columns takes longer than all else for a few draws
+    known: dict[bytes, int] = {}
+    group = np.array([known.setdefault(one.tobytes(), len(known)) for one in of_inputs.T])
+    distinct = of_inputs[:, np.unique(group, return_index=True)[1]]
     g = distinct.shape[1]
     if p + min(len(distinct), g) * g < p**2 / 2:
-        return _squares_of_groups(distinct, group.ravel(), of_parameters, residual, draws.c)
+        return _squares_of_groups(distinct, group, of_parameters, residual, draws.c)
     centre, delta = draws.centre, draws.delta
     first, second = draws.pairs
     products = draws.products * (of_inputs.T @ of_inputs)[first, second][:, None]
