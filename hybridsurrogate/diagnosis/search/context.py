@@ -199,8 +199,8 @@ class SearchContext:
         """Climb from one start; ``size`` None: the effect's size is free."""
         X, y = self.problem.X, self.problem.y
         size = self.largest_size if size is None else size
-        args = model, X, y, self.emulator, grid, z, sigma, size, columns, self.slopes
-        return optimise(*args, self._possible)
+        args = model, X, y, self.emulator, grid, z, sigma, size, self._possible
+        return optimise(*args, columns, self.slopes)
 
     def _possible(self, sigma: FloatArray) -> FloatArray:
         least = FLOOR * self.problem.scale

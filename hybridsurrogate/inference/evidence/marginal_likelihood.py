@@ -427,9 +427,9 @@ def optimise(
     z: FloatArray,
     sigma: float,
     size: float,
+    possible: Noise,
     columns: Columns | None = None,
     recent: RecentSlopes | None = None,
-    possible: Noise = np.asarray,
 ) -> LocalMode:
     """Follow the linearised model to its best fit by Gauss-Newton steps, nodes re-enumerated.
 
@@ -444,12 +444,12 @@ def optimise(
         Noise scale of the penalised fit, relative to the priors.
     size : float
         Prior scale of the effect's size, in units of y; large means free.
+    possible : callable
+        Of estimates of sigma (T,): those that are possible.
     columns : Columns, optional
         Where they are known from `columns_at_nodes`.
     recent : RecentSlopes, optional
         Of the same rows and emulator.
-    possible : callable, default=numpy.asarray
-        Of estimates of sigma (T,): those that are possible.
     """
     best: LocalMode | None = None
     point, step = np.array(z, dtype=float), 1.0

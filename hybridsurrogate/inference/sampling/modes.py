@@ -56,7 +56,7 @@ def starting_points(
         rows = partial, target.X, target.y, emulator
         grid = shortened(*rows, grid, z, sigma, size)
         for round_ in range(EVIDENCE.looks):
-            mode = optimise(*rows, grid, z, sigma, size, possible=lambda s: np.maximum(s, floor))
+            mode = optimise(*rows, grid, z, sigma, size, lambda sigma: np.maximum(sigma, floor))
             z = mode.z.copy()
             if not round_:
                 best = best_of_global_starts(*rows, grid, before_it, z, floor)
