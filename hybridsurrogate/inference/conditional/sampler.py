@@ -193,6 +193,9 @@ def _by_proposals(
         return _log_density(problem, u, centre)[:, 0]
 
     starts = first_step[np.argsort(-at_centre(first_step[:200]))[:2]]
+    # step 1 shares the noise with runs that may have next to none
+    noisy = np.maximum(starts[:, -1], np.log(problem.scale))
+    starts = np.vstack([starts, np.column_stack([starts[:, :-1], noisy])])
     coordinates = standardised(problem.model, at_centre, starts)
     if coordinates is not None:
         first_step, starts = coordinates.of(first_step), coordinates.of(starts)
