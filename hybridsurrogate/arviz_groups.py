@@ -13,9 +13,6 @@ from hybridsurrogate.model.posterior import Posterior
 from hybridsurrogate.prediction.variables import Variable, prior_draws, variables_of
 from hybridsurrogate.types import FloatArray, Prior
 
-# draws from the priors
-_PRIOR_DRAWS = 1000
-
 
 def arviz_of(
     posteriors: Sequence[Posterior],
@@ -58,7 +55,7 @@ def arviz_of(
     # ArviZ would drop what is called like its dimensions
     own = ("chain", "draw")
     names = {name: f"parameter_{name}" if name in own else name for name in shared}
-    of_prior = prior_draws(list(first.values()), _PRIOR_DRAWS, random)
+    of_prior = prior_draws(list(first.values()), posteriors[0].n_draws, random)
     columns = {v.column: v.labels for v in first.values() if v.column is not None}
     taken = {*own, *names.values()}
     dimension = {column: f"{column}_label" if column in taken else column for column in columns}

@@ -111,10 +111,6 @@ def _densities(estimator: PowerScaledSurrogate, train: GivenRows, test: GivenRow
         return np.asarray(fitted.log_predictive_density(test.X, test.y, test.y_err))
 
 
-# draws of each, of which mean and spread are taken
-_DRAWS = 400
-
-
 def agreement(
     before: Mapping[str, Any], after: Mapping[str, Any] | None, X: ArrayLike
 ) -> pd.DataFrame:
@@ -157,7 +153,7 @@ def agreement(
 
 def _moments(estimator: Any, X: ArrayLike) -> tuple[FloatArray, FloatArray]:
     """Return mean and variance of the noise-free predictions."""
-    draws = estimator.sample_predictive_mean(X, n_draws=_DRAWS)
+    draws = estimator.sample_predictive_mean(X)
     return np.mean(draws, axis=0), np.var(draws, axis=0)
 
 

@@ -19,6 +19,7 @@ from hybridsurrogate.estimators.power_scaled import FitTask, PowerScaledSurrogat
 from hybridsurrogate.estimators.predictive_weighted import PredictiveWeightedSurrogate
 from hybridsurrogate.inference.procedure import carried, thinned
 from hybridsurrogate.inference.sampling.importance import Proposals
+from hybridsurrogate.inference.sampling.settings import SETTINGS
 from hybridsurrogate.model.observation import MeasuredModel
 from hybridsurrogate.model.rows.measured_data import taken_out, without_gaps
 from hybridsurrogate.model.rows.stacking import as_several
@@ -27,9 +28,6 @@ from hybridsurrogate.notebook import counted
 from hybridsurrogate.priors import to_normal
 from hybridsurrogate.simulation.arrays import as_numbers, as_outputs, complete_table
 from hybridsurrogate.types import FloatArray
-
-# proposals for each draw that a fit to other rows keeps: as many as a fit from scratch has
-_PROPOSALS_OF_MOST = 3
 
 
 def fitted_near(task: FitTask, known: PowerScaledSurrogate) -> PowerScaledSurrogate | None:
@@ -52,9 +50,9 @@ def fitted_near(task: FitTask, known: PowerScaledSurrogate) -> PowerScaledSurrog
         # these rows may lack an experiment
         if before.theta_names != problem.model.theta_names:
             return None
-        proposals = thinned(proposals, _PROPOSALS_OF_MOST * n)
+        proposals = thinned(proposals, SETTINGS.oversampling * n)
         proposals = _under_other_priors(proposals, before, problem.model)
-    most = _PROPOSALS_OF_MOST * n
+    most = SETTINGS.oversampling * n
     fit = carried(problem, task.powers, proposals, n, most, task.random_state())
     if fit is None:
         return None
@@ -86,10 +84,6 @@ def _under_other_priors(
         points[:, at] += np.log(model.errors.unit / before.errors.unit)
     kept = np.isfinite(log_slope)
     return Proposals(points[kept], (proposals.log_density - log_slope)[kept])
-
-
-# a fit has three: a path costs less
-_PROPOSALS_A_DRAW = 1.5
 
 
 @dataclass(frozen=True)
@@ -219,7 +213,8 @@ def _power_scaled_path(task: FitTask, grid: FloatArray, progress: bool) -> BetaP
         fit = None
         if source is not None:
             known = out[source].inference_.proposals
-            most = int(_PROPOSALS_A_DRAW * n)
+            # half of what a fit from scratch has: a path costs less
+            most = SETTINGS.oversampling * n // 2
             fit = carried(one.problem, one.powers, known, n, most, random)
         refitted[k] = fit is None
         if fit is None:

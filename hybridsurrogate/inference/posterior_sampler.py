@@ -87,7 +87,9 @@ def _approximations(
     minor = [mode for mode in found if mode.log_mass > best + np.log(SETTINGS.least_share)]
     lines = with_lines(target, minor)
     best = max(line.mode.log_mass for line in lines)
-    modes = [line.mode for line in lines if line.mode.log_mass > best + np.log(SETTINGS.mode_share)]
+    modes = [
+        line.mode for line in lines if line.mode.log_mass > best + np.log(SETTINGS.least_proposed)
+    ]
     proposals = [proposal for line in lines for proposal in line.proposals]
     return modes, proposals, any(line.position is not None for line in lines)
 

@@ -116,8 +116,6 @@ def _of_some(
 
 
 Powers = tuple[float, float | FloatArray]  # of the likelihoods of both sources
-# squares of coefficients, of all draws that a score is made from together
-_SQUARED = 4e5
 # draws of coefficients that suffice for a row that is fitted anew, and of step 2 for each of them
 _DRAWS, _REPEATS = 200, 8
 
@@ -280,8 +278,8 @@ class _LeavingOut:
             found = pointwise_loo(first, less, first[:, None], np.zeros(len(y)))
         else:
             n_coefficients = fit.first.coefficients.shape[1] + len(problem.model.column_sd)
-            # so many that all of them with each other fit into a block
-            most = np.clip(_SQUARED / max(n_coefficients, 1) ** 2, _DRAWS, LARGE_BLOCK**0.5)
+            # so many that their matrices, and all of them with each other, fit into a block
+            most = np.clip(LARGE_BLOCK / max(n_coefficients, 1) ** 2, _DRAWS, LARGE_BLOCK**0.5)
             some = np.linspace(0, len(first) - 1, min(int(most), len(first))).astype(int)
             starts = self._repeats(some)
             of_first = fit.first.take(starts.draw), fit.unknowns[starts.draw]

@@ -22,14 +22,15 @@ from hybridsurrogate.effects.expressions import Code
 from hybridsurrogate.effects.inputs import at_levels
 from hybridsurrogate.effects.over_column import AtLevel, OverColumn
 from hybridsurrogate.effects.registry import Form, over_columns, register
+from hybridsurrogate.numerics import hilbert
 from hybridsurrogate.priors import frozen
 from hybridsurrogate.simulation.outputs import OUTPUT
 from hybridsurrogate.types import Prior
 
 # standard deviation of the log of a ratio: one output may be read fifty times as well as another
 _SD = 2.0
-# beyond the measured rows, in spans: as far as curves of any shape go on (`hilbert.BOUNDARY`)
-_BEYOND = 0.25
+# beyond the measured rows, in spans: as far as curves of any shape go on
+_BEYOND = (hilbert.BOUNDARY - 1) / 2
 
 
 @dataclass(eq=False, repr=False)

@@ -21,13 +21,12 @@ from hybridsurrogate.effects.base import (
 from hybridsurrogate.effects.context import trouble_with_labels
 from hybridsurrogate.effects.expressions import Code
 from hybridsurrogate.effects.registry import Form, over_inputs, register
+from hybridsurrogate.numerics.linear_algebra import NEGLIGIBLE
 from hybridsurrogate.priors import frozen
 from hybridsurrogate.types import Prior
 
 # |slope| that varies by less, as a share of its mean, makes noise like any other
 _LEAST_CHANGE = 0.1
-# a ratio of variances that is as good as any larger one
-_MOST = 1e6
 
 
 @dataclass(eq=False, repr=False)
@@ -84,7 +83,7 @@ class NoiseOfSlope(Declared):
         assert self.usual is not None
         # where the simulation fails nothing is known of its slope
         relative = np.abs(np.nan_to_num(X[SLOPE], posinf=0.0, neginf=0.0)) / self.usual
-        return np.sqrt(1 + np.minimum(theta["ratio"] * relative, _MOST) ** 2)
+        return np.sqrt(1 + np.minimum(theta["ratio"] * relative, 1 / NEGLIGIBLE) ** 2)
 
     def estimates(self, theta: Rows, coefficients: Rows) -> dict[str, FloatArray]:
         """Return the standard deviation of the quantity, in its unit, and the ratio."""

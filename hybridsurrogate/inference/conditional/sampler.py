@@ -96,10 +96,6 @@ def conditional_draws(
     return MeasuredDraws(z, sigma, columns, np.nan, accepted, "moves")
 
 
-# rounds in which shares of a mixture are scaled, and the difference of sums at which they end
-_MIXTURE_STEPS, _MIXTURE_TOLERANCE = 100, 1e-2
-
-
 @dataclass(frozen=True)
 class MeasuredDraws:
     """Draws of the measured world, one for each coefficient draw.
@@ -193,6 +189,9 @@ def _by_proposals(
         return _log_density(problem, u, centre)[:, 0]
 
     starts = first_step[np.argsort(-at_centre(first_step[:200]))[:2]]
+    # step 1 shares the noise with runs that may have next to none
+    noisy = np.maximum(starts[:, -1], np.log(problem.scale))
+    starts = np.vstack([starts, np.column_stack([starts[:, :-1], noisy])])
     coordinates = standardised(problem.model, at_centre, starts)
     if coordinates is not None:
         first_step, starts = coordinates.of(first_step), coordinates.of(starts)
@@ -371,12 +370,12 @@ def exchanged(
 def _shares_of_mixture(density: FloatArray) -> FloatArray:
     """Return the shares (J, S) in posteriors with such densities of one draw of each of them."""
     share = density / density.sum(axis=0)
-    for _ in range(_MIXTURE_STEPS):
+    for _ in range(SETTINGS.mode_steps):
         mixture = share.sum(axis=1, keepdims=True)
         share = share / np.where(mixture > 0, mixture, 1.0)
         total = share.sum(axis=0)
         share /= total
-        if np.ptp(np.log(total)) < _MIXTURE_TOLERANCE:
+        if np.ptp(np.log(total)) < SETTINGS.mode_gain:
             break
     return share
 

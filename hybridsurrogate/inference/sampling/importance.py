@@ -24,6 +24,8 @@ from hybridsurrogate.types import FloatArray
 Cell = NDArray[np.intp]
 
 _DEGREES_OF_FREEDOM = 5.0
+# of its standard deviations: at 1.0, those of 176 fresh densities are off by 0.004 (standard error
+# 0.001) more on average
 PROPOSAL_SCALE = 1.1
 
 

@@ -20,8 +20,6 @@ class SamplingSettings:
     prior_proposed : float
         Share of these that the priors have, of that of the wider ones. Without, two of 88 densities
         need an ensemble that do not with it.
-    mode_share : float
-        Share of the best mode's mass from which a further one makes a posterior multimodal.
     evidence_starts : int
         Starts from which the modes of an evidence are sought: 148 evidences of counts and heavy
         tails differ by less than 0.3 nats from those from four starts.
@@ -31,7 +29,8 @@ class SamplingSettings:
     least_share, least_proposed : float
         A mode with less of the best one's mass has no proposals; one of these with less of the
         weight stays where it is, and counts as if it had that; each has at least the second share
-        of the points.
+        of the points, and a mode with this share of the best one's mass makes a posterior
+        multimodal.
     prior_end : float
         No prior has mass beyond.
     line_points : int
@@ -88,7 +87,6 @@ class SamplingSettings:
     min_proposals: int = 1000
     enough_effective: float = 0.1
     prior_proposed: float = 0.2
-    mode_share: float = 0.02
     evidence_starts: int = 2
     good_khat: float = 0.3
     least_share: float = 1e-3
