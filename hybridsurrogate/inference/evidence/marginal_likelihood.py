@@ -74,12 +74,12 @@ def known_covariance(U: FloatArray, sigma: float) -> Covariances:
 
 def scaled_covariances(basis: FloatArray, sizes: FloatArray, sigma: float) -> Covariances:
     """Return the covariances sigma^2 I + size^2 B B' for a basis B (n, r) and K sizes."""
-    eigenvalue, vector = np.linalg.eigh(basis.T @ basis)
-    # with B'B = V diag(lambda) V' the inverse is I - B V diag(1 / (sigma^2 / size^2 + lambda)) V'B'
-    eigenvalue = np.maximum(eigenvalue, 0.0)
+    # with B = U diag(s) V' the inverse is I - U diag(s^2 / (sigma^2 / size^2 + s^2)) U': not from
+    # B'B, of which the small s^2 are rounding, and may come out as more than the whole
+    directions, singular, _ = np.linalg.svd(basis, full_matrices=False)
     ridge = (sigma / sizes[:, None]) ** 2
-    log_det = 0.5 * np.sum(np.log1p(eigenvalue / ridge), axis=1)
-    return Covariances(basis @ vector, 1 / np.sqrt(ridge + eigenvalue), log_det)
+    log_det = 0.5 * np.sum(np.log1p(singular**2 / ridge), axis=1)
+    return Covariances(directions, singular / np.sqrt(ridge + singular**2), log_det)
 
 
 class Products(NamedTuple):
@@ -125,12 +125,14 @@ def node_products(
     H = np.swapaxes(parts.H, 1, 2)
     plain = _Blocks.of(seen.rows, H, seen.shared)
     squared = np.einsum("tkk->t", plain.columns[0])
+    # where a process explains nearly all, a difference of two products is what rounding leaves
+    rounding = responses.shape[1] * np.finfo(float).eps * np.einsum("mss->ms", plain.rows[0])
     for directions, weights, log_det in covariances:
         blocks = plain
         if weights.size:
             rows, columns, shared = (_along(v, directions) for v in (seen.rows, H, seen.shared))
             blocks = plain.less(_Blocks.of(rows, columns, shared, weights**2))
-        yield _without_parameters(seen, blocks, sigma, log_det, squared)
+        yield _without_parameters(seen, blocks, sigma, log_det, squared, rounding)
 
 
 class _Seen(NamedTuple):
@@ -239,7 +241,12 @@ class _Blocks(NamedTuple):
 
 
 def _without_parameters(
-    seen: _Seen, blocks: _Blocks, sigma: float, log_det: FloatArray, squared: FloatArray
+    seen: _Seen,
+    blocks: _Blocks,
+    sigma: float,
+    log_det: FloatArray,
+    squared: FloatArray,
+    rounding: FloatArray,
 ) -> Products:
     """Integrate the parameters out: they have a standard normal prior around zero."""
     u, k = seen.u, seen.u.shape[1]
@@ -252,7 +259,7 @@ def _without_parameters(
     if d:
         g = u @ np.swapaxes(seen.start, 1, 2)  # (M, R, d)
         right = blocks.shared_rows[..., k:] - u @ blocks.rows[..., :k, k:] - sigma**2 * g
-        precision = blocks.rows[..., k:, k:] + sigma**2 * np.eye(d)
+        precision = blocks.rows[..., k:, k:] + (sigma**2 + rounding[:, k:, None]) * np.eye(d)
         factor = nudged_cholesky(precision.reshape(-1, d, d))
         inverse = np.linalg.inv(factor).reshape(K, M, d, d)
         right = right @ np.swapaxes(inverse, 2, 3)

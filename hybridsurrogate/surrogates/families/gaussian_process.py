@@ -12,7 +12,7 @@ from scipy import stats
 from sklearn.utils import check_scalar
 
 from hybridsurrogate.arguments import as_real, check_choice
-from hybridsurrogate.numerics.linear_algebra import NEGLIGIBLE, SINGULAR
+from hybridsurrogate.numerics.linear_algebra import NEGLIGIBLE
 from hybridsurrogate.priors import check_prior
 from hybridsurrogate.surrogates.basis import Basis, Domain, Factors, Surrogate, register
 from hybridsurrogate.surrogates.families.polynomial_chaos import legendre, multi_indices
@@ -26,6 +26,8 @@ _DEGREE = {1: 30, 2: 10, 3: 7, 4: 5}
 _ROUGH_DEGREE = {1: 60, 2: 16, 3: 8, 4: 6}
 # the polynomials live on a range this much wider, beyond which the process is held constant
 _MARGIN = 1.15
+# share of the prior variance that stands for rounding
+_JITTER = 1e-10
 
 
 class GaussianProcess(Surrogate):
@@ -178,7 +180,7 @@ def _one_dimensional_factor(kernel: str, length_scale: FloatArray, degree: int) 
     correlation = _correlation(kernel, distance / length_scale[:, None, None])
     projected = weighted @ correlation @ weighted.T
     # the eigenvalues fall below rounding: a jitter of a share of the first keeps the factor real
-    projected += SINGULAR * np.eye(degree + 1)
+    projected += _JITTER * np.eye(degree + 1)
     return np.linalg.cholesky(projected)
 
 
