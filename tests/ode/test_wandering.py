@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from few_kinds import all_but
 from scipy.integrate import quad
 from scipy.stats import norm, uniform
 
@@ -36,3 +37,30 @@ def test_the_solution_follows_the_wandering_rate():
 def test_a_parameter_that_is_not_there_is_told():
     with pytest.raises(ValueError, match="Did you mean 'rate'"):
         DECAY.modified([WanderingParameter("rat", 0.0, 10.0, 4)], {})
+
+
+def test_a_rate_that_wanders_is_detected_and_followed():
+    """Twenty waves have a million corners: descents start at those of the first few."""
+    t = np.linspace(0.2, 10, 50)
+
+    def rates(s):
+        return 0.3 * np.where(s < 4, 1.0, 0.5)
+
+    truth = 8 * np.exp(-0.3 * np.minimum(t, 4) - 0.15 * np.maximum(t - 4, 0))
+    y = truth + 0.03 * np.random.default_rng(0).standard_normal(len(t))
+    model = hs.PowerScaledSurrogate(
+        DECAY, surrogate=hs.ExactSurrogate(), n_draws=300, random_state=0
+    )
+    diagnosis = hs.DiscrepancyDiagnosis(
+        model,
+        causes=[hs.ParameterProcess("rate")],
+        exclude=all_but("unexplained", "trend"),
+        cv=None,
+        n_replicates=40,
+        random_state=0,
+    ).fit(t[:, None], y)
+    assert (diagnosis.best_cause_.kind, diagnosis.best_cause_.target) == ("parameter-drift", "rate")
+    course = diagnosis.parameter_course()
+    inside = (course["lower"] < rates(course["x"])) & (rates(course["x"]) < course["upper"])
+    # bands of smooth curves miss the jump itself
+    assert np.mean(inside) > 0.7

@@ -27,6 +27,8 @@ from hybridsurrogate.types import FloatArray
 # places far away: along a size, how far these reach in standard deviations of the prior, and
 # besides; how much better (minus twice the log posterior) one has to be
 _ON_LINE, _REACH, _WIDE, _WORTH_FOLLOWING = 49, 2.4, 400, 2.0
+# sizes that starts move to either side, in all combinations
+_MOVED = 4
 
 
 def is_followed(cause: Cause) -> bool:
@@ -149,7 +151,9 @@ def _at_nodes(model: MeasuredModel, grid: Grid, index: NDArray[np.intp]) -> Floa
 
 def _starts(model: MeasuredModel, grid: Grid, centre: FloatArray) -> FloatArray:
     """Return starts (S, n_unknowns): nodes spread over the grid, sizes moved to either side."""
-    T, k = len(grid.points), len(grid.sizes)
+    # of the waves of a process the first, which are the largest: all corners would be a million
+    moved = grid.sizes[:_MOVED]
+    T, k = len(grid.points), len(moved)
     most = min(T, SETTINGS.nodes_followed * 2 ** max(k - 1, 0))
     chosen = np.unique(np.linspace(0, T - 1, most).round().astype(int))
     # one standard deviation to either side; of a cause without sizes one row without columns
@@ -157,7 +161,7 @@ def _starts(model: MeasuredModel, grid: Grid, centre: FloatArray) -> FloatArray:
     base = grid.neutral.copy()
     base[: len(centre)] = centre
     z = np.tile(base, (len(chosen), len(moves), 1))
-    z[:, :, grid.sizes] += moves
+    z[:, :, moved] += moves
     z[:, :, grid.nodes] = _at_nodes(model, grid, chosen)[:, None, :]
     return np.clip(z.reshape(-1, len(base)), -SETTINGS.furthest_place, SETTINGS.furthest_place)
 
