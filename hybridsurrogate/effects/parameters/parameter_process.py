@@ -19,7 +19,7 @@ from hybridsurrogate.priors import frozen, prior_sd
 from hybridsurrogate.types import Prior
 
 # waves: of a rate that falls in two steps bands of 90 % contain 63 % of days with ten, 87 % with
-# twenty, 89 % with 24, and with 30, of three times the time, 91 % (five epidemics; three with 30)
+# twenty, 89 % with 24 (five epidemics; 84 % of nine), and with 30 91 %, in three times the time
 _N_WAVES = 24
 # length scales: the shortest that so many resolve (Riutort-Mayol et al. 2023, Statistics and
 # Computing 33:17, eq. 17), and one of a curve that hardly bends
