@@ -40,8 +40,8 @@ class ParameterProcess(Declared):
     curve c is a sum of normal waves over the input (`numerics.hilbert`), with the mean spectrum of
     squared-exponential kernels whose length scales are log-uniform from 0.11 to 2, on the input
     scaled to [-1, 1]. The size and the length of a process, as unknowns, lie on a bent ridge with
-    its waves, on which ensembles do not converge in 10,000 steps. In an `OdeSimulator` a parameter of the right-hand side that
-    wanders in time does so inside the dynamics.
+    its waves, on which ensembles do not converge in 10,000 steps. In an `OdeSimulator` a parameter
+    of the right-hand side that wanders in time does so inside the dynamics.
 
     Parameters
     ----------
