@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hybridsurrogate.diagnosis.search.candidate import (
+    LEAST_PROBABLE,
     NAMELESS,
     Candidate,
     prior_odds,
@@ -24,7 +25,7 @@ from hybridsurrogate.inference.evidence.levenberg_marquardt import (
     best_of_many,
     is_followed,
 )
-from hybridsurrogate.inference.evidence.linearised import Linearised, linearise
+from hybridsurrogate.inference.evidence.linearised import Linearised, columns_at_nodes, linearise
 from hybridsurrogate.inference.evidence.marginal_likelihood import LocalMode, scan, shortened
 from hybridsurrogate.inference.evidence.settings import SETTINGS
 from hybridsurrogate.model.observation import MeasuredModel
@@ -55,6 +56,11 @@ def best_modes(
     """
     problem = context.problem
     fits: list[Fitted] = []
+    # single rows are others in other rows, and correlated noise has the size of the noise there
+    ends = [
+        None if cause.is_correlated_noise or cause.concerns == "data" else end
+        for cause, end in zip(causes, nearby, strict=True)
+    ]
     try:
         for k, cause in enumerate(causes):
             model = problem.model.with_effects((*problem.model.effects, cause))
@@ -62,7 +68,7 @@ def best_modes(
             if is_followed(cause):
                 # with every unknown followed a start is a choice, which other rows must not make
                 fits.append(_followed(context, model, grid, null))
-            elif (end := nearby[k]) is None or cause.is_correlated_noise:
+            elif (end := ends[k]) is None:
                 fits.append(_once(context, model, grid, null))
             else:
                 fits.append(_unchanged(model, grid, end, null, len(problem.y)))
@@ -74,7 +80,7 @@ def best_modes(
             if causes[k].is_correlated_noise or is_followed(causes[k]):
                 continue
             # where those in other rows ended is nearly it, on a grid that is fine already
-            if is_coarse or nearby[k] is None:
+            if is_coarse or ends[k] is None:
                 fits[k] = context.converge(fits[k], enough - log_prior[1 + k])
     except KeyboardInterrupt as stop:
         raise InterruptedSearch(fits) from stop
@@ -340,7 +346,28 @@ def search(
         every[k] = fit
     known[0], known[1 + compared] = np.nan, behind
     result = _compare(context, causes, [null, *every], known)
-    return _estimated(result, nearby) if nearby is not None and is_sample else result
+    if nearby is None:
+        return result
+    return _estimated(result, nearby) if is_sample else _climbed(result)
+
+
+def _climbed(result: Search) -> Search:
+    """Return a search from where causes ended in other rows, the probable ones optimised here.
+
+    Linearised where another part of the rows left it, a spread between experiments was 6 nats too
+    high.
+    """
+    context, out = result.context, list(result.candidates)
+    for k in map(int, np.flatnonzero(result.probability > LEAST_PROBABLE)):
+        cause, (model, grid, mode, sigma) = out[k].cause, out[k].fit
+        if cause is None or cause.is_correlated_noise or is_followed(cause):
+            continue
+        columns = columns_at_nodes(model, result.problem.X, grid, mode.z)
+        mode = context.optimise(model, grid, mode.z, sigma, columns)
+        fit = Fitted(model, grid, mode, context.noise_of(mode, sigma))
+        nodes = context.evidence_of_nodes(fit, result.sizes, columns)
+        out[k] = Candidate(cause, fit, float(np.logaddexp.reduce(nodes)))
+    return result.reweighed(out)
 
 
 def _estimated(result: Search, sample: Search) -> Search:

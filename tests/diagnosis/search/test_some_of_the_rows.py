@@ -73,6 +73,22 @@ def test_what_all_rows_lack_is_compared_as_from_scratch(at_one_end):
     np.testing.assert_allclose(*bumps, atol=0.1)
 
 
+def test_a_wild_row_is_looked_for_anew():
+    """It has another number in other rows."""
+
+    def change(t):
+        return 9.0 * (np.arange(len(t)) == 20)
+
+    whole = search(*context_of(change, np.arange(60)))
+    some = context_of(change, np.flatnonzero(np.arange(60) % 5 != 2), whole)
+    evidence = [
+        [w.log_evidence for w in one.candidates if w.kind == "gross-error"]
+        for one in (search(*some, nearby=whole), search(*some))
+    ]
+    np.testing.assert_allclose(*evidence, atol=0.1)
+    assert max(evidence[0]) > 5
+
+
 def test_the_same_is_probable_as_from_scratch(searches):
     _, near, anew = searches
     probable = anew.probability > 0.02
