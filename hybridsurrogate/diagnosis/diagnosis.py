@@ -640,8 +640,9 @@ class DiscrepancyDiagnosis(RegressorMixin, BaseEstimator):
         >>> simulator = hs.Simulator(
         ...     lambda t, height: height * np.sin(t), inputs={"t": (0, 9)},
         ...     parameters={"height": hs.truncated_normal(3, 1, 0.1, 9)})
-        >>> t, random = np.linspace(0, 9, 40), np.random.default_rng(0)
-        >>> y = 3 * np.exp(0.4 * np.sin(0.8 * t)) * np.sin(t) + 0.1 * random.standard_normal(40)
+        >>> t, random = np.linspace(0, 9, 60), np.random.default_rng(0)
+        >>> heights = 3 * np.exp(0.4 * np.sin(t**2 / 10))
+        >>> y = heights * np.sin(t) + 0.1 * random.standard_normal(60)
         >>> model = hs.PowerScaledSurrogate(
         ...     simulator, surrogate=hs.ExactSurrogate(), random_state=0)
         >>> diagnosis = hs.DiscrepancyDiagnosis(
