@@ -313,9 +313,9 @@ def search(
     accepted : Candidate or None
         The last of the problem's effects as it was fitted, in place of "nothing is wrong".
     nearby : Search or None
-        The search over the same causes in other rows of the same data (`Search.over`): only
-        what is promising there is optimised, from where it ended there. Grids are searched anew,
-        but an optimisation may keep to its hill. All are compared where it may not lead.
+        The search over the same causes in other rows of the same data (`Search.over`): only what
+        is promising there is compared, from where it ended there. All are, where it lacks a cause
+        of these rows.
 
     Raises
     ------
@@ -328,7 +328,8 @@ def search(
     if nearby is not None:
         none = nearby.candidates[0].fit
         ends = [None if w.fit is none else w.fit for w in nearby.candidates[1:]]
-        compared = _within_reach(nearby, causes, ends)
+        if None not in ends:  # else these rows are too unlike all of them
+            compared = _within_reach(nearby, causes)
     some = [causes[int(k)] for k in compared]
     log_prior = np.log(prior_odds([None, *causes]))[[0, *(1 + compared)]]
     fits: Sequence[Fitted] = []
@@ -384,23 +385,15 @@ def _estimated(result: Search, sample: Search) -> Search:
     )
 
 
-def _within_reach(
-    nearby: Search, causes: Sequence[Cause], ends: Sequence[Fitted | None]
-) -> NDArray[np.intp]:
+def _within_reach(nearby: Search, causes: Sequence[Cause]) -> NDArray[np.intp]:
     """Return the causes that may explain some of the rows best, given a search in all of them.
 
-    Processes are always compared, as what has no other explanation in few rows is theirs, and what
-    was not compared in all rows (``ends`` None).
+    Processes are always compared: what has no other explanation in few rows is theirs.
     """
     with np.errstate(divide="ignore"):
         log_share = np.log(nearby.probability[1:])
     best = np.max(log_share, initial=-np.inf)
-    always = np.array(
-        [
-            cause.is_process or cause.is_correlated_noise or end is None
-            for cause, end in zip(causes, ends, strict=True)
-        ]
-    )
+    always = np.array([cause.is_process or cause.is_correlated_noise for cause in causes])
     return np.flatnonzero(always | (log_share > best - SETTINGS.behind))
 
 
