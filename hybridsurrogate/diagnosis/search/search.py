@@ -25,7 +25,7 @@ from hybridsurrogate.inference.evidence.levenberg_marquardt import (
     best_of_many,
     is_followed,
 )
-from hybridsurrogate.inference.evidence.linearised import Linearised, columns_at_nodes, linearise
+from hybridsurrogate.inference.evidence.linearised import Linearised, linearise
 from hybridsurrogate.inference.evidence.marginal_likelihood import LocalMode, scan, shortened
 from hybridsurrogate.inference.evidence.settings import SETTINGS
 from hybridsurrogate.model.observation import MeasuredModel
@@ -353,21 +353,18 @@ def search(
 
 
 def _climbed(result: Search) -> Search:
-    """Return a search from where causes ended in other rows, the probable ones optimised here.
+    """Return a search from where causes ended in other rows, the probable ones refined here.
 
     Linearised where another part of the rows left it, a spread between experiments was 6 nats too
     high.
     """
-    context, out = result.context, list(result.candidates)
+    out = list(result.candidates)
     for k in map(int, np.flatnonzero(result.probability > LEAST_PROBABLE)):
-        cause, (model, grid, mode, sigma) = out[k].cause, out[k].fit
+        cause = out[k].cause
         if cause is None or cause.is_correlated_noise or is_followed(cause):
             continue
-        columns = columns_at_nodes(model, result.problem.X, grid, mode.z)
-        mode = context.optimise(model, grid, mode.z, sigma, columns)
-        fit = Fitted(model, grid, mode, context.noise_of(mode, sigma))
-        nodes = context.evidence_of_nodes(fit, result.sizes, columns)
-        out[k] = Candidate(cause, fit, float(np.logaddexp.reduce(nodes)))
+        fit = result.context.converge(out[k].fit)
+        out[k] = Candidate(cause, fit, result.context.evidence(fit, result.sizes))
     return result.reweighed(out)
 
 

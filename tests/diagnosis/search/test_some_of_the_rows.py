@@ -71,6 +71,12 @@ def test_what_all_rows_lack_is_compared_as_from_scratch(at_one_end):
     near, anew = search(context, causes, nearby=lacking), search(context, causes)
     bumps = [[w.log_evidence for w in one.candidates if w.kind == "bump"] for one in (near, anew)]
     np.testing.assert_allclose(*bumps, atol=0.1)
+    # and so is all else: these rows may be too unlike all of them
+    assert np.isfinite([w.log_evidence for w in near.candidates]).all()
+    probable = anew.probability > 0.02
+    assert probable.sum() > 1
+    evidence = np.array([[w.log_evidence for w in one.candidates] for one in (near, anew)])
+    np.testing.assert_allclose(*evidence[:, probable], atol=0.1)
 
 
 def test_a_wild_row_is_looked_for_anew():
