@@ -291,8 +291,9 @@ def _weighted(
         if enough or round_ == SETTINGS.few - 1:
             break
         components = [moment_match(points, share.mean(axis=1), first), *others]
-        # what a thousand do not serve, such as ten unknowns of experiments, has all of them
-        n = MOST_PROPOSALS
+        if round_:
+            # what moved ones do not serve, such as ten unknowns of experiments, has all of them
+            n = MOST_PROPOSALS
     return _Weighted(u, log_density, log_proposal, share, khat, effective, enough)
 
 
