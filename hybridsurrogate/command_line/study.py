@@ -22,15 +22,14 @@ from hybridsurrogate.estimators import PowerScaledSurrogate, PredictiveWeightedS
 from hybridsurrogate.exceptions import DiagnosisWarning, did_you_mean
 from hybridsurrogate.likelihoods import Censored, Likelihood
 from hybridsurrogate.model.rows.measured_data import without_gaps
+from hybridsurrogate.simulation.arrays import DATE
 from hybridsurrogate.simulation.curve_tables import long_table
 from hybridsurrogate.simulation.simulator import SimulationData, Simulator
 from hybridsurrogate.simulation.table_file import (
-    DATE,
     RUN,
     numbers_of,
     read_table,
     with_days,
-    with_levels,
 )
 from hybridsurrogate.surrogates import (
     SURROGATES,
@@ -174,9 +173,7 @@ def read_study_data(given: argparse.Namespace) -> Study:
         y, likelihood = Censored.of_rows(y, below, above, likelihood, given.rounded)
     elif any(limit is not None for limit in (below, above, given.rounded)):
         likelihood = Censored(likelihood, below, above, given.rounded)
-    labels = [given.experiment] if given.experiment in measured else []
-    X = with_levels(measured.drop(columns=[*given.output, *labels]))
-    X = X.assign(**{name: measured[name] for name in labels})
+    X = measured.drop(columns=list(given.output))
     after = (X[n:], y[n:]) if new else None
     return Study(simulation, surrogate, X[:n], y[:n], after, user and user.file, likelihood)
 

@@ -184,7 +184,7 @@ class DiscrepancyDiagnosis(RegressorMixin, BaseEstimator):
         Parameters of the extended model, and where the verdict is "undecided" of the one before,
         that the data push against the end of their prior. The detected cause may replace what the
         prior excludes.
-    next_measurement_ : dict of str to float
+    next_measurement_ : dict of str to float or str
         Inputs at which one more measurement would best separate the alternatives. Of several
         causes, those of the cause about which it informs most.
     next_information_ : float
@@ -342,7 +342,8 @@ class DiscrepancyDiagnosis(RegressorMixin, BaseEstimator):
         check_consistent_length(X, y)
         rows = GivenRows(*without_gaps(X, y, sample_weight, y_err))
         rows = counted_rows(rows._replace(X=complete_table(rows.X, labels=labels)))
-        check_usable_columns(rows.X, rows.y, getattr(self.estimator, "simulation", None))
+        simulation = getattr(self.estimator, "simulation", None)
+        check_usable_columns(rows.X, rows.y, simulation, labels)
         random = check_random_state(self.random_state)
         try:
             result = diagnose(self.estimator, rows, settings, random)

@@ -277,8 +277,8 @@ class Context:
         What differs between them.
     experiment : str or None
         The column with the experiment of each row, where one was declared.
-    experiment_labels : tuple of str or None
-        Names of the experiments, which the column numbers from zero. None: it is as it was given.
+    names : dict of str to tuple of str
+        Names in columns of text, which are numbered from zero in this order.
     by_experiment : tuple of str
         Parameters that are known to differ between these.
     slopes : dict of str to ndarray of shape (n,)
@@ -321,7 +321,7 @@ class Context:
     outputs: tuple[str, ...] = ()
     of_outputs: tuple[OfOutput, ...] = ()
     experiment: str | None = None
-    experiment_labels: tuple[str, ...] | None = None
+    names: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     by_experiment: tuple[str, ...] = ()
     slopes: Mapping[str, FloatArray] = field(default_factory=dict)
     unit: float = 1.0
@@ -371,11 +371,16 @@ class Context:
             )
         return self.parameters[name]
 
-    def check_level(self, column: str, level: float) -> None:
-        """Raise ValueError where a column never has a value."""
-        found = self.axis(column).rows
-        if level not in found:
-            raise ValueError(f"{column!r} is never {level!r}; it is {list(found)}.")
+    def level(self, column: str, level: float | str) -> float:
+        """Return a value of a column, or the number of a name.
+
+        Raises ValueError where the column never has it.
+        """
+        names, found = self.names.get(column, ()), self.axis(column).rows.tolist()
+        number = float(names.index(level)) if level in names else level
+        if number not in found:
+            raise ValueError(f"{column!r} is never {level!r}; it is {list(names or found)}.")
+        return float(number)
 
     def axis(self, column: str) -> Axis:
         """Return where the measured rows lie along a column."""
@@ -436,12 +441,12 @@ class Context:
 
     @property
     def labels(self) -> tuple[str, ...]:
-        """Names of the columns of labels: the declared one, counted integers, weekday and month.
+        """Names of the columns of labels: the declared one, names, counts, weekday and month.
 
         The simulation ignores them, and they are no axis. A few other numbers, such as four
         temperatures, are a quantity: numbers of subjects with gaps have to be declared.
         """
-        return label_columns(self.X, self.n_inputs, self.experiment)
+        return label_columns(self.X, self.n_inputs, self.experiment, self.names)
 
     def column(self, name: str) -> FloatArray:
         """Return a measured column; raise ValueError when there is none of that name."""
@@ -453,13 +458,17 @@ class Context:
         return np.asarray(self.X[name])
 
 
-def label_columns(X: Rows, n_inputs: int, experiment: str | None) -> tuple[str, ...]:
+def label_columns(
+    X: Rows, n_inputs: int, experiment: str | None, names: Mapping[str, tuple[str, ...]]
+) -> tuple[str, ...]:
     """Return the columns beyond the inputs that label experiments: `Context.labels`."""
-    extras = list(X)[n_inputs:]
     return tuple(
         name
-        for name in extras
-        if name == experiment or is_of_calendar(name) or _counts_experiments(X[name])
+        for name in list(X)[n_inputs:]
+        if name == experiment
+        or name in names
+        or is_of_calendar(name)
+        or _counts_experiments(X[name])
     )
 
 

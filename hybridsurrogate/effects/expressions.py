@@ -132,6 +132,8 @@ class Code:
     constants : mapping of str to float
     levels : mapping of str to (str, float)
         Values of a column of labels: the column and the value.
+    labels : tuple of str
+        Names that this column numbers from zero; of values none.
     steps : mapping of str to str
         Variables that the expression uses, in order.
     does : str
@@ -175,6 +177,7 @@ class Code:
     columns: Mapping[str, str] = field(default_factory=dict)
     constants: Mapping[str, float] = field(default_factory=dict)
     levels: Mapping[str, tuple[str, float]] = field(default_factory=dict)
+    labels: tuple[str, ...] = ()
     steps: Mapping[str, str] = field(default_factory=dict)
     does: Does = "adds"
     of: str = ""
@@ -429,7 +432,7 @@ class _Reader:
         if name in code.constants:
             return _Number(code.constants[name], _DIGITS_OF_PLACE)
         if name in code.levels:
-            return _Number(code.levels[name][1], _DIGITS_OF_LEVEL)
+            return self.level(code.levels[name][1])
         return self.word(name)
 
     def word(self, name: str) -> _Word:
@@ -439,6 +442,13 @@ class _Reader:
         text = known.get(name, self.code.of if name == "of" else name)
         return _Word(text, word(text), self.spans.get(text))
 
+    def level(self, value: float) -> _Node:
+        """Return a value of a column of labels, or its name."""
+        if not self.code.labels:
+            return _Number(value, _DIGITS_OF_LEVEL)
+        name = self.code.labels[int(value)]
+        return _Word(name, word(name))
+
     def levels(self) -> _Node:
         """Return the numbers of all levels, each where it is."""
         table = self.code.table
@@ -447,7 +457,7 @@ class _Reader:
         terms = tuple(
             _multiplied(
                 _Number(self.values[name]),
-                _Condition(((column, ast.Eq, _Number(level, _DIGITS_OF_LEVEL)),)),
+                _Condition(((column, ast.Eq, self.level(level)),)),
             )
             for level, name in table.levels
         )

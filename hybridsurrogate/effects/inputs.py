@@ -199,8 +199,8 @@ class MissingInput(AtLevel, OverColumn):
     column : str
         Any measured column.
     shape : {"linear", "quadratic", "categorical"}, default="linear"
-    level : float or None, default=None
-        The one level that is off; only with the categorical shape.
+    level : float, str or None, default=None
+        The one level that is off, of a column of text its name; only with the categorical shape.
     center : float or None, default=None
         Where the simulation is right. None: at the mean of the measured rows.
     levels : tuple of (value, share of the rows), default=()
@@ -209,6 +209,8 @@ class MissingInput(AtLevel, OverColumn):
     offset : bool, default=False
         Whether the value at which the simulation is right is unknown, so that an offset is
         estimated too; not with the quadratic shape or one level.
+    labels : tuple of str or None, default=None
+        Names in a column of text; `prepare` looks.
     axis : Axis
         Where the measured rows lie; `prepare` looks.
 
@@ -224,11 +226,12 @@ class MissingInput(AtLevel, OverColumn):
 
     column: str
     shape: str = "linear"
-    level: float | None = None
+    level: float | str | None = None
     center: float | None = None
     levels: tuple[tuple[float, float], ...] = ()
     offset: bool = False
     axis: Axis = UNKNOWN
+    labels: tuple[str, ...] | None = None
 
     @property
     def pivot(self) -> float:
@@ -254,7 +257,7 @@ class MissingInput(AtLevel, OverColumn):
             return ("slope", "curvature")[: _SHAPES.index(self.shape) + 1]
         if self.level is not None:
             return ("amplitude",)
-        return tuple(f"level_{value:.12g}" for value, _ in self.levels)
+        return tuple(f"level_{self.name_of(value)}" for value, _ in self.levels)
 
     def prepare(self, context: Context) -> Cause:
         """Fill in mean and span of the column, or its levels, from the measured rows."""
@@ -264,15 +267,16 @@ class MissingInput(AtLevel, OverColumn):
             raise ValueError(f"level={self.level!r} needs shape='categorical'.")
         if self.offset and (self.shape == "quadratic" or self.level is not None):
             raise ValueError("offset=True needs shape='linear', or 'categorical' without a level.")
-        levels = self.levels
+        level, levels = self.level, self.levels
         if self.shape == "categorical" and not self.levels:
             if trouble := trouble_with_levels(context, self.column):
                 raise ValueError(f"A categorical cause has no use for this column: {trouble}.")
             if self.level is not None:
-                context.check_level(self.column, self.level)
+                level = context.level(self.column, self.level)
             found, counts = np.unique(values, return_counts=True)
             levels = tuple(zip(found.tolist(), (counts / len(values)).tolist(), strict=True))
-        return self.filled(axis=self.along(context), levels=levels)
+        names = context.names.get(self.column)
+        return self.filled(axis=self.along(context), level=level, levels=levels, labels=names)
 
     def columns(self, X: Rows, theta: Rows) -> FloatArray:
         """Return the scaled column and its square, or what belongs to the levels."""
@@ -314,7 +318,8 @@ class MissingInput(AtLevel, OverColumn):
         if self.shape == "categorical":
             known = [value for value, _ in self.levels]
             levels = tuple(zip(known, self.coefficients, strict=True))
-            return Code("by_level({x}, {table})", {}, x, table=LevelTable(self.column, levels))
+            table = LevelTable(self.column, levels)
+            return Code("by_level({x}, {table})", {}, x, table=table, labels=self.labels or ())
         away = "({x} - {center})" if self.pivot else "{x}"
         line, numbers = f"{{slope}} * {away}", {"slope": "{y} / {x}"}
         if self.shape == "quadratic":
@@ -410,7 +415,7 @@ register(
         lacking=_without_levels,
         headline=(
             "{output} is {amplitude:size} {amplitude:above|below} the simulation "
-            "at one value of {target}"
+            "where {target} is {level}"
         ),
     ),
     Form(

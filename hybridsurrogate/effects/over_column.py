@@ -74,13 +74,16 @@ class AtLevel(Declared):
     Attributes
     ----------
     column : str or None
-    level : float or None
-        None: it is so everywhere.
+    level : float, str or None
+        None: it is so everywhere. A name, of a column of text, is a number once prepared.
+    labels : tuple of str or None
+        Names that such a column numbers from zero.
     """
 
     about = "column"
     column: Any
-    level: float | None
+    level: Any
+    labels: tuple[str, ...] | None = None
 
     @property
     def is_one_level(self) -> bool:  # type: ignore[override]
@@ -90,14 +93,20 @@ class AtLevel(Declared):
     @property
     def variant(self) -> str:
         """The one level; everywhere is the plain form."""
-        return "" if self.level is None else f"level {self.level:.12g}"
+        return "" if self.level is None else f"level {self.name_of(self.level)}"
 
     @property
     def name(self) -> str:
         """The kind and the column, and the level where one is meant."""
         if self.level is None:
             return super().name
-        return f"{self.kind}({self.column} = {self.level:.12g})"
+        return f"{self.kind}({self.column} = {self.name_of(self.level)})"
+
+    def name_of(self, level: float | str) -> str:
+        """Return the name of a level, or its value."""
+        if isinstance(level, str):
+            return level
+        return f"{level:.12g}" if self.labels is None else self.labels[int(level)]
 
     def here(self, X: Rows) -> NDArray[np.bool_]:
         """Return the rows (n,) with the level."""
@@ -107,7 +116,8 @@ class AtLevel(Declared):
         """Return an expression over the column {x} and its {level}."""
         assert self.level is not None
         at = {"level": (self.column, self.level)}
-        return Code(expression, units, {"x": self.column}, levels=at, **further)
+        labels = self.labels or ()
+        return Code(expression, units, {"x": self.column}, levels=at, labels=labels, **further)
 
 
 class OverExperiments(Declared):

@@ -165,13 +165,8 @@ class CheckedEstimator(BaseEstimator):
             X, y, sample_weight, y_err = without_gaps(X, y, sample_weight, y_err)
         X = complete_table(X, labels=self.experiment)
         tables = [X, *self._further_tables()]
-        experiments = experiments_of(
-            tables,
-            self.experiment,
-            self.by_experiment,
-            tuple(getattr(self.simulation, "outputs", ())),
-        )
-        X = X if experiments is None else experiments.numbered(X)
+        experiments = experiments_of(tables, self.experiment, self.by_experiment, self.simulation)
+        X = experiments.numbered(X)
         # scikit-learn stores names where it finds them; ``fit`` stores nothing before its end
         seen = copy.copy(self)
         rows, output = self._checked(seen, X, y, reset=True)
@@ -185,9 +180,8 @@ class CheckedEstimator(BaseEstimator):
             raise ValueError("sample_weight leaves 1 sample; at least 2 measured rows are needed.")
         likelihood.check_training(output[np.isfinite(output)])
         rows = rows[:, order]
-        if experiments is not None:
-            inputs = () if self.simulation is None else self.simulation.input_names
-            check_column(experiments, columns, rows, inputs)
+        inputs = () if self.simulation is None else self.simulation.input_names
+        check_column(experiments, columns, rows, inputs)
         check_reach(columns, rows, self.simulation)
         warn_outside(columns, rows, self.simulation)
         warn_elsewhere(output, self.simulation)
@@ -364,8 +358,7 @@ class CheckedEstimator(BaseEstimator):
     def _in_order(self, X: ArrayLike) -> Any:
         """Return columns with the names of those in ``fit`` in their order there."""
         table = complete_table(X, labels=self.experiment)
-        if self.data_.experiments is not None:
-            table = self.data_.experiments.numbered(table)
+        table = self.data_.experiments.numbered(table)
         order = list(getattr(self, "feature_names_in_", self.data_.given_columns))
         if sorted(column_names(table)) != sorted(order):
             return table  # scikit-learn says which are missing, or new

@@ -219,9 +219,7 @@ class MultiSourceSurrogate(PowerScaledSurrogate):
         assert not isinstance(source.data, SimulationData)
         X, y_err = taken_out(source.data[0], source.y_err)
         X, y, _, y_err = without_gaps(X, source.data[1], None, y_err)
-        X = complete_table(X, labels=self.experiment)
-        if data.experiments is not None:
-            X = data.experiments.numbered(X)
+        X = data.experiments.numbered(complete_table(X, labels=self.experiment))
         # an array has the columns of the X in ``fit``
         order, names = data.order, column_names(X)
         columns = data.given_columns

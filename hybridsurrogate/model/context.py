@@ -247,6 +247,7 @@ def make_context(
     starts = simulator.starts if simulator else ()
     if not basis.is_simulation:
         simulator = None  # an emulator has no dynamics inside
+    known = experiments or Experiments()
     return Context(
         dict(zip(columns, X.T, strict=False)),
         n_inputs,
@@ -267,9 +268,9 @@ def make_context(
         trials=int(likelihood.trials) if isinstance(likelihood, Binomial) else None,
         outputs=tuple(outputs or ()),
         of_outputs=tuple((outputs or {}).values()),
-        experiment=experiments.column if experiments else None,
-        experiment_labels=experiments.labels if experiments else None,
-        by_experiment=tuple(experiments.by) if experiments else (),
+        experiment=known.column,
+        names=known.labels,
+        by_experiment=tuple(known.by),
     )
 
 

@@ -196,7 +196,7 @@ class PlainProblem:
         As the user gave it.
     run_weights : ndarray or None
         Powers of the likelihoods of single runs.
-    experiments : Experiments or None
+    experiments : Experiments
     """
 
     problem: Problem
@@ -204,7 +204,7 @@ class PlainProblem:
     domain: Domain
     noise_prior: Prior | None
     run_weights: FloatArray | None
-    experiments: Experiments | None
+    experiments: Experiments
 
     def with_effects(self, effects: Sequence[Cause]) -> Problem:
         """Return the problem with causes, prepared and checked."""

@@ -53,6 +53,9 @@ def is_of_calendar(name: str) -> bool:
     return name.startswith((WEEKDAY, MONTH))
 
 
+# dates as text, ISO 8601: a day, and perhaps a time of it
+DATE = r"\d{4}-\d\d-\d\d(?:[T ].+)?"
+
 # doubles end at 1e308, and sums of squares are formed of everything
 LARGEST = 1e150
 
@@ -96,19 +99,32 @@ def as_table(values: Any, word: str = "X") -> Any:
 
 
 def complete_table(values: Any, word: str = "X", labels: str | None = None) -> Any:
-    """As `as_table`; raise ValueError, with its name, for a column without a number in each row.
+    """As `as_table`; in place of dates, other than in ``labels``, there are weekday and month.
 
-    The column ``labels`` may hold names instead. In place of dates there are weekday and month.
+    Raises ValueError, with its name, for a column of numbers or dates in which some are missing.
     """
     table = as_table(values, word)
     if not isinstance(table, pd.DataFrame):
         return table
-    others = table[[name for name in table.columns if name != labels or labels is None]]
-    kinds = others.dtypes.items()
-    dates = [str(name) for name, kind in kinds if pd.api.types.is_datetime64_any_dtype(kind)]
-    check_columns(others.drop(columns=dates))
-    _check_complete(table)
-    return with_calendar(table, dates) if dates else table
+    dates = {}
+    for name in table.columns[~table.dtypes.map(pd.api.types.is_numeric_dtype)]:
+        found = None if name == labels else dates_in(table[name])
+        if found is not None:
+            dates[name] = found
+    table = table.assign(**dates)
+    _check_complete(table, labels)
+    return with_calendar(table, list(dates)) if dates else table
+
+
+def dates_in(column: pd.Series) -> pd.Series | None:
+    """Return a column of dates, or of text such as 2026-11-27, as dates; None for anything else."""
+    if pd.api.types.is_datetime64_any_dtype(column):
+        return column
+    text = column.astype(str).str.strip()
+    if not text.str.fullmatch(DATE).all():
+        return None
+    dates = pd.to_datetime(text, format="ISO8601", errors="coerce", utc=True)
+    return None if dates.isna().any() else dates
 
 
 def _frame_of(values: Any, word: str) -> pd.DataFrame | None:
@@ -194,19 +210,23 @@ def check_columns(frame: pd.DataFrame) -> None:
     """Raise ValueError that names columns of a DataFrame which hold names or dates."""
     wrong = [name for name, column in frame.items() if not is_numeric(column)]
     if wrong:
+        values = frame[wrong[0]]
+        row = int(np.argmax(pd.to_numeric(values, errors="coerce").isna()))
         raise ValueError(
-            f"The columns {wrong} hold no numbers. Number levels such as a batch, "
-            "X[name].map({'A': 0, 'B': 1}); of dates written as text make dates, whose weekday and "
-            "month are compared too, pandas.to_datetime(X[name]), or an axis, "
-            "(dates - pandas.Timestamp('2020-01-01')) / pandas.Timedelta('1D'); or leave them out."
+            f"The columns {wrong} hold no numbers: row {row + 1} of {wrong[0]!r} is "
+            f"{values.iloc[row]!r}. Correct it; number levels such as a batch, "
+            "X[name].map({'A': 0, 'B': 1}); of dates written as text make an axis, "
+            "(pandas.to_datetime(X[name]) - pandas.Timestamp('2020-01-01')) / "
+            "pandas.Timedelta('1D'); or leave them out."
         )
 
 
-def _check_complete(frame: pd.DataFrame) -> None:
-    """Raise ValueError that names the first column of a DataFrame in which values are missing."""
+def _check_complete(frame: pd.DataFrame, labels: str | None) -> None:
+    """Raise ValueError that names the first column with missing numbers, dates or ``labels``."""
     for name, column in frame.items():
         missing = np.flatnonzero(column.isna())
-        if len(missing):
+        date = pd.api.types.is_datetime64_any_dtype(column)
+        if len(missing) and (name == labels or date or is_numeric(column)):
             raise ValueError(
                 f"{len(missing)} of {len(column)} values of the column {name!r} are missing (NaN), "
                 f"the first in row {missing[0] + 1}. Leave out the rows, "

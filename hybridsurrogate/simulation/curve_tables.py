@@ -13,9 +13,9 @@ from numpy.typing import ArrayLike
 
 from hybridsurrogate.arguments import described
 from hybridsurrogate.exceptions import DiagnosisWarning, FailedRunsWarning, did_you_mean
-from hybridsurrogate.simulation.arrays import as_numbers, as_table
+from hybridsurrogate.simulation.arrays import DATE, as_numbers, as_table
 from hybridsurrogate.simulation.outputs import by_output
-from hybridsurrogate.simulation.table_file import DATE, RUN
+from hybridsurrogate.simulation.table_file import RUN
 from hybridsurrogate.simulation.variables import as_matrix, select_columns
 
 # of the places of a wide table

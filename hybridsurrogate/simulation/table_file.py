@@ -19,14 +19,11 @@ import numpy as np
 import pandas as pd
 
 from hybridsurrogate.arguments import check_flag, check_readable, is_address, local_path
-from hybridsurrogate.exceptions import DiagnosisWarning
 from hybridsurrogate.numerics.atomic_file import written_whole
-from hybridsurrogate.simulation.variables import MOST_LEVELS
+from hybridsurrogate.simulation.arrays import dates_in
 
 # the column of a long table that says which run a row is of
 RUN = "run"
-# dates as text, ISO 8601: a day, and perhaps a time of it
-DATE = r"\d{4}-\d\d-\d\d(?:[T ].+)?"
 _NETCDF = (".nc", ".nc4", ".cdf")
 # schemes that Python fetches itself
 _FETCHED = ("http", "https", "ftp")
@@ -252,7 +249,7 @@ def with_days(
     for name in inputs:
         if not (name in runs and name in measured):
             continue
-        of_runs, of_rows = _dates(runs[name]), _dates(measured[name])
+        of_runs, of_rows = dates_in(runs[name]), dates_in(measured[name])
         if of_runs is not None and of_rows is not None:
             first, day = of_runs.min(), pd.Timedelta("1D")
             runs = runs.assign(**{name: (of_runs - first) / day})
@@ -266,36 +263,3 @@ def with_days(
                 "both files, or numbers in both."
             )
     return runs, measured
-
-
-def with_levels(measured: pd.DataFrame) -> pd.DataFrame:
-    """Return the columns of numbers, dates, and those of a few names as levels 0, 1, 2, ..."""
-    out = measured.copy()
-    for name in measured.columns.difference(measured.select_dtypes("number").columns, sort=False):
-        dates = _dates(measured[name])
-        if dates is not None:
-            out[name] = dates
-            continue
-        codes, known = pd.factorize(measured[name].dropna().astype(str), sort=True)
-        if measured[name].isna().any() or not 2 <= len(known) <= MOST_LEVELS:
-            warnings.warn(
-                f"The column {name!r} is left out: it holds neither numbers nor 2 to "
-                f"{MOST_LEVELS} names, one in each row.",
-                DiagnosisWarning,
-                stacklevel=2,
-            )
-            out = out.drop(columns=name)
-            continue
-        out[name] = codes.astype(float)
-        levels = ", ".join(f"{level} is {code}" for code, level in enumerate(known))
-        print(f"Levels of {name}: {levels}.", flush=True)
-    return out
-
-
-def _dates(column: pd.Series) -> pd.Series | None:
-    """Return a column of dates such as 2026-11-27 as dates; None for anything else."""
-    text = column.astype(str).str.strip()
-    if not text.str.fullmatch(DATE).all():
-        return None
-    dates = pd.to_datetime(text, format="ISO8601", errors="coerce", utc=True)
-    return None if dates.isna().any() else dates

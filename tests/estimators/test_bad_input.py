@@ -160,22 +160,30 @@ def test_columns_that_the_simulation_needs(simulation, measured, estimator):
     [
         pd.Series(["A", "B"] * 10),
         pd.Series(["A", "B"] * 10, dtype="category"),
-        pd.Series(pd.date_range("2026-01-01", periods=20).astype(str)),
+        pd.Series(["noon", *map(str, range(19))]),
     ],
-    ids=["text", "category", "dates as text"],
+    ids=["text", "category", "numbers and text"],
 )
 @pytest.mark.parametrize("estimator", ESTIMATORS)
 def test_columns_that_hold_no_numbers(simulation, measured, column, estimator):
     X, y = measured[0][:20], measured[1][:20]
-    frame = pd.DataFrame({"t": X[:, 0], "lab": column})
-    match = r"columns \['lab'\] hold no numbers.*map.*pandas.Timestamp"
+    frame = pd.DataFrame({"t": column})
+    match = rf"columns \['t'\] hold no numbers: row 1 of 't' is '{column[0]}'.*map.*Timestamp"
     with pytest.raises(ValueError, match=match):
         estimator(simulation, n_draws=100).fit(frame, y)
     # numbers are taken however they are stored
-    stored = frame.assign(lab=pd.Series([1.0, 2.0] * 10).astype("category"), t=frame.t.astype(str))
+    stored = frame.assign(t=pd.Series(X[:, 0]).astype(str))
     fitted = estimator(simulation, n_draws=100, random_state=0).fit(stored, y)
     with pytest.raises(ValueError, match=match):
         fitted.predict(frame)
+
+
+@pytest.mark.parametrize("estimator", ESTIMATORS)
+def test_numbers_with_a_word_among_them_are_no_labels(simulation, measured, estimator):
+    X, y = measured[0][:20], measured[1][:20]
+    frame = pd.DataFrame({"t": X[:, 0], "dose": ["1", "2"] * 9 + ["2", "n.d."]})
+    with pytest.raises(ValueError, match=r"row 20 of 'dose' is 'n.d.'. Correct it"):
+        estimator(simulation, n_draws=100).fit(frame, y)
 
 
 def two_inputs(t, height, gravity):

@@ -62,7 +62,7 @@ def test_sources_that_cannot_be_read(case):
     X, further, y = frames(case)
     gap = case.X.copy()
     gap[3] = np.nan
-    text = further.assign(z="warm")
+    text = further.assign(x="warm")
     for given, rows, outputs, match in [
         (X, further.rename(columns={"z": "w"}), y, r"lacks the columns \['z'\]"),
         (X, text, y, "hold no numbers"),

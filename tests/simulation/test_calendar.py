@@ -9,7 +9,6 @@ from few_kinds import all_but
 
 import hybridsurrogate as hs
 from hybridsurrogate.simulation.arrays import complete_table
-from hybridsurrogate.simulation.table_file import with_levels
 
 NAMES = ["t", "weekday of day", "weekend of day", "month of day"]
 
@@ -52,7 +51,7 @@ def test_an_input_of_the_simulation_is_a_number():
         model.fit(frame, frame["count"])
 
 
-def test_dates_in_a_file_are_dates():
+def test_dates_as_text_are_dates():
     table = pd.DataFrame(
         {
             "t": [1.0, 2.0, 3.0],
@@ -61,14 +60,11 @@ def test_dates_in_a_file_are_dates():
             "lab": ["A", "B", "A"],
         }
     )
-    told = with_levels(table)
-    assert told["lab"].tolist() == [0, 1, 0]
-    assert complete_table(told)["weekday of day"].tolist() == [5, 6, 7]
-    assert complete_table(told)["weekday of at"].tolist() == [5, 6, 7]
+    assert complete_table(table)["weekday of day"].tolist() == [5, 6, 7]
+    assert complete_table(table)["weekday of at"].tolist() == [5, 6, 7]
     # no day of any calendar
     wrong = table.assign(day=["2026-11-27", "2026-11-28", "2026-11-31"])
-    with pytest.warns(hs.DiagnosisWarning, match="'day' is left out|Levels"):
-        with_levels(wrong.assign(day=[*wrong["day"][:2], None]))
+    assert "day" in complete_table(wrong)
 
 
 def line(t, level, slope):

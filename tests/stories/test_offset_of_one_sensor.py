@@ -46,7 +46,7 @@ def test_the_sensor_that_is_off_is_named():
         assert low - 0.1 < -0.6 < high + 0.1
         assert d.best_cause_.target == "sensor"
     report = str(at_sensor_0[0].report(full=True))
-    assert "at one value of sensor" in report
+    assert "where sensor is 0" in report
     assert r"\mathbf{1}_{\text{sensor} = 0}" in report
     # there is no sensor between the two
     assert all(d.next_measurement_["sensor"] in (0, 1) for d in found)

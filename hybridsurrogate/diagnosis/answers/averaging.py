@@ -56,13 +56,10 @@ def _remainders(before: PowerScaledSurrogate, after: PowerScaledSurrogate) -> tu
 
 def _experiments_that_differ(after: PowerScaledSurrogate) -> str | None:
     """Return the column of experiments, None where what is fitted is the same in all of them."""
-    experiments = after.data_.experiments
-    if experiments is None:
-        return None
+    column = after.data_.experiments.column
     # errors that rows share leave the simulation the same in all
     effects = [one for one in after.posterior_.model.effects if one.changes_output]
-    differ = any(experiments.column in one.reads for one in effects)
-    return experiments.column if differ else None
+    return column if any(column in one.reads for one in effects) else None
 
 
 def _size(change: np.ndarray) -> float:

@@ -127,17 +127,13 @@ def places_between(result: Search, ranges: Mapping[str, tuple[float, float]]) ->
     return np.stack([axis[k] for axis, k in zip(axes, chosen.T, strict=True)], axis=1)
 
 
-def rows_as_table(
-    result: Search, rows: FloatArray, experiments: Experiments | None
-) -> pd.DataFrame:
-    """Return rows (m, n_columns) as a table, outputs and experiments by name."""
+def rows_as_table(result: Search, rows: FloatArray, experiments: Experiments) -> pd.DataFrame:
+    """Return rows (m, n_columns) as a table, outputs and labels by name."""
     columns = list(result.problem.model.columns)
     table = pd.DataFrame(rows[:, : len(columns)], columns=columns)
-    names: dict[str, tuple[str, ...]] = {}
+    names = dict(experiments.labels)
     if result.problem.stacking is not None:
         names[OUTPUT] = result.problem.stacking.names
-    if experiments is not None and experiments.labels is not None:
-        names[experiments.column] = experiments.labels
     for column, labels in names.items():
         table[column] = np.array(labels, dtype=object)[table[column].astype(int)]
     return table.rename(columns={OUTPUT: "output"})

@@ -6,6 +6,7 @@ doubtful becomes a `Caution`.
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from itertools import combinations
@@ -18,8 +19,10 @@ from numpy.typing import ArrayLike
 from hybridsurrogate.diagnosis.checks.caution import SETTINGS, Caution
 from hybridsurrogate.diagnosis.search.candidate import Candidate
 from hybridsurrogate.diagnosis.search.search import Search
+from hybridsurrogate.effects.context import LEAST_EACH
+from hybridsurrogate.exceptions import DiagnosisWarning
 from hybridsurrogate.model.problem import Problem
-from hybridsurrogate.model.rows.columns import column_names, matched_columns
+from hybridsurrogate.model.rows.columns import column_names, experiments_of, matched_columns
 from hybridsurrogate.model.statistics import emulator_posterior
 from hybridsurrogate.numerics.digits import number
 from hybridsurrogate.simulation.outputs import OUTPUT
@@ -54,9 +57,14 @@ _SHIFTED = {
 
 
 def check_usable_columns(
-    X: Any, y: ArrayLike | None, simulation: SimulationData | Simulator | None
+    X: Any,
+    y: ArrayLike | None,
+    simulation: SimulationData | Simulator | None,
+    experiment: str | None,
 ) -> None:
     """Raise ValueError for columns that make a diagnosis impossible, before anything is fitted.
+
+    A `DiagnosisWarning` names columns of text with too many names.
 
     Parameters
     ----------
@@ -64,6 +72,8 @@ def check_usable_columns(
         As given; the estimator refuses what it does not accept.
     y : array-like of shape (n,) or (n, n_outputs), or None
     simulation : SimulationData, Simulator or None
+    experiment : str or None
+        The column of the experiments.
 
     Raises
     ------
@@ -74,6 +84,13 @@ def check_usable_columns(
     """
     if simulation is None:
         return
+    for name in experiments_of([X], experiment, None, simulation).left_out:
+        warnings.warn(
+            f"The column {name!r} is left out: its names, such as {X[name].iloc[0]!r}, stand in "
+            f"fewer than {LEAST_EACH} rows each. If these are numbers, pandas.to_numeric(X[name]).",
+            DiagnosisWarning,
+            stacklevel=3,
+        )
     columns = _numbers(X, simulation)
     if not columns or y is None:
         return

@@ -189,6 +189,12 @@ class DiagnosisResult:
         assert test is not None  # only folds have none
         return test
 
+    @property
+    def place(self) -> dict[str, Any]:
+        """Where to measure next: of a column of names the name."""
+        names, place = self.before.data_.experiments.labels, self.next_measurement.place
+        return {k: names[k][int(x)] if k in names else x for k, x in place.items()}
+
     def attributes(self) -> dict[str, Any]:
         """Return the public attributes of a fitted diagnosis."""
         said, after = self.conclusion, self.extension
@@ -203,7 +209,7 @@ class DiagnosisResult:
             "causes_": self.causes,
             "indistinguishable_": list(self.indistinguishable),
             "emulator_check_": self.emulator_check,
-            "next_measurement_": self.next_measurement.place,
+            "next_measurement_": self.place,
             "next_information_": self.next_measurement.information,
             **{f"{name}_": getattr(said, name) for name in _PUBLIC},
             "extended_estimator_": after.estimator,

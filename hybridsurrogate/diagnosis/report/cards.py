@@ -98,7 +98,7 @@ def _measure(view: View) -> list[Advice]:
         return []
     place = digits.listing(
         [
-            f"{name} = {digits.number(value)}" if not isinstance(value, str) else value
+            f"{name} = {view.value(name, value)}" if not isinstance(value, str) else value
             for name, value in result.next_measurement.place.items()
         ]
     )

@@ -11,6 +11,7 @@ from hybridsurrogate.diagnosis.answers.finding import CauseFinding
 from hybridsurrogate.diagnosis.report.elements.tables import noise_of, unit_of
 from hybridsurrogate.diagnosis.report.elements.view import SETTINGS, View, label_of_cause
 from hybridsurrogate.effects.base import Cause
+from hybridsurrogate.effects.over_column import AtLevel
 from hybridsurrogate.effects.registry import headline_of, meaning_of
 from hybridsurrogate.numerics import digits
 
@@ -121,6 +122,8 @@ def sentence_of(view: View, finding: CauseFinding, cause: Cause) -> str:
         "target": (finding.target or "").replace(" * ", " and "),
         "column": getattr(cause, "column", None) or finding.target or view.inputs[0],
     }
+    if isinstance(cause, AtLevel) and cause.level is not None:
+        places["level"] = cause.name_of(cause.level)
     log = f"log {view.output}"
     for name, limits in finding.estimates.items():
         unit = known_unit(view, cause, name)

@@ -79,7 +79,7 @@ def summary(
         "beta_scan_out_of_range": beyond,
         "best_beta": _best(within),
         "best_beta_out_of_range": _best(beyond),
-        "next_measurement": result.next_measurement.place,
+        "next_measurement": result.place,
         "next_information": result.next_measurement.information,
         "residual_check": result.conclusion.residual_check,
         "at_prior_end": result.extension.at_prior_end,

@@ -138,13 +138,10 @@ def extended_model(
     ode = simulator if isinstance(simulator, OdeSimulator) else None
     states = ode.states if ode is not None else ()
     names = [*model.columns, *simulation.outputs, *simulation.parameter_ranges, *states]
-    experiments, sizes = estimator.data_.experiments, tuple[float, ...]()
+    sizes = tuple[float, ...]()
     if ode is not None:
         rows = estimator.measured_[0][:, : len(ode.input_names)]
         sizes = tuple(ode.typical_states(rows).values())
-    labels = {}
-    if experiments is not None and experiments.labels is not None:
-        labels = {experiments.column: experiments.labels}
     return ExtendedModel(
         name=f"of {simulation.output}" if simulator is None else simulator.name,
         inputs=tuple(simulation.input_names),
@@ -158,7 +155,7 @@ def extended_model(
         sigma=_sigma(posterior, simulation.outputs, estimator.data_.stacking),
         simulator=simulator,
         sizes=sizes,
-        labels=labels,
+        labels=estimator.data_.experiments.labels,
         units=check_units(units, [name for name in names if name != OUTPUT]),
         about=_about(result),
         written_by=_written_by(result),

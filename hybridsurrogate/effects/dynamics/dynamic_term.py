@@ -404,7 +404,7 @@ def _of_states_by_experiment(context: Context) -> Iterator[Cause]:
     if len(np.unique(context.X[column])) > _MOST:
         return
     for state in context.states:
-        yield TermByExperiment(state, column, labels=context.experiment_labels)
+        yield TermByExperiment(state, column, labels=context.names.get(column))
 
 
 register(

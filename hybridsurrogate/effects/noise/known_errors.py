@@ -272,9 +272,7 @@ class SharedErrors(OverExperiments):
                 "simulation ignores, and this is one of its inputs."
             )
         found = context.axis(self.column).rows
-        labels = self.labels
-        if labels is None and self.column == context.experiment:
-            labels = context.experiment_labels
+        labels = self.labels or context.names.get(self.column)
         if self.covariance is None:
             spread = self.spread
             if spread is None:

@@ -196,8 +196,10 @@ class NoiseAtLevel(AtLevel):
     ----------
     column : str
         A measured column that labels experiments.
-    level : float
-        The value that is meant.
+    level : float or str
+        The value, or the name, that is meant.
+    labels : tuple of str or None, default=None
+        Names in the column; `prepare` looks.
     ratio : frozen scipy.stats distribution or None, default=None
         Prior of the ratio.
 
@@ -213,13 +215,17 @@ class NoiseAtLevel(AtLevel):
     unknowns = ("ratio",)
 
     column: str
-    level: float
+    level: float | str
     ratio: Prior | None = None
+    labels: tuple[str, ...] | None = None
 
     def prepare(self, context: Context) -> Cause:
         """Fill in the prior; raise ValueError where the level is never measured."""
-        context.check_level(self.column, self.level)
-        return self if self.ratio is not None else self.filled(ratio=frozen(stats.lognorm, 1.0))
+        return self.filled(
+            level=context.level(self.column, self.level),
+            ratio=self.ratio or frozen(stats.lognorm, 1.0),
+            labels=context.names.get(self.column),
+        )
 
     def noise(self, X: Rows, theta: Rows) -> FloatArray:
         """Return the factor on the noise scale."""
@@ -232,7 +238,7 @@ class NoiseAtLevel(AtLevel):
 
     def formula(self, values: Mapping[str, float]) -> str:
         """Return the extended simulation in words."""
-        there = f"where {self.column} = {self.level:.12g}"
+        there = f"where {self.column} = {self.name_of(self.level)}"
         return f"simulation, with {values['ratio']:.4g} times the noise {there}"
 
 
@@ -246,7 +252,7 @@ register(
             "others"
         ),
         least_rows=12,
-        headline="{output} scatters differently at one value of {target}",
+        headline="{output} scatters differently where {target} is {level}",
     )
 )
 

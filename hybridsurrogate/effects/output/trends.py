@@ -184,7 +184,7 @@ class Offset(AtLevel):
             )
         if self.level is None:
             return self if self.sd is not None else self.filled(sd=context.sd_of_shift)
-        context.check_level(str(self.column), self.level)
+        context.level(str(self.column), self.level)
         return self
 
     def columns(self, X: Rows, theta: Rows) -> FloatArray:
@@ -223,7 +223,7 @@ register(
         meaning="{output} is off where {target} has one of its values",
         headline=(
             "{output} is {amplitude:size} {amplitude:above|below} the simulation "
-            "at one value of {target}"
+            "where {target} is {level}"
         ),
     ),
 )

@@ -171,7 +171,7 @@ def _between_experiments(context: Context) -> Iterator[Cause]:
         declared = column == context.experiment
         for parameter in context.parameters:
             if not declared or parameter not in context.by_experiment:
-                labels = context.experiment_labels if declared else None
+                labels = context.names.get(column)
                 yield ParameterByExperiment(parameter, column, labels=labels)
 
 

@@ -278,7 +278,7 @@ def _weighted(
         From the proposals' coordinates to u, and the log of the volume.
     """
     components = [first, *others]
-    for round_ in range(SETTINGS.few):
+    for round_ in range(SETTINGS.few + 1):
         points = mixture_points(components, n, random_state)
         u, log_volume = plain(points)
         log_proposal = mixture_log_density(components, points) - log_volume
@@ -288,7 +288,7 @@ def _weighted(
         share = node_shares(log_weight)
         khat, effective = quality(log_weight, share, 25)
         enough = effective > SETTINGS.enough_effective * n and khat <= KHAT_LIMIT
-        if enough or round_ == SETTINGS.few - 1:
+        if enough or round_ == SETTINGS.few:
             break
         components = [moment_match(points, share.mean(axis=1), first), *others]
         if round_:

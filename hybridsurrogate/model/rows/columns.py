@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -12,59 +12,71 @@ import pandas as pd
 from numpy.typing import ArrayLike, NDArray
 
 from hybridsurrogate.effects.base import Cause
+from hybridsurrogate.effects.context import LEAST_EACH
 from hybridsurrogate.effects.noise.known_errors import SharedErrors
 from hybridsurrogate.effects.parameters.parameter_by_experiment import ParameterByExperiment
 from hybridsurrogate.exceptions import ExtrapolationWarning, did_you_mean
-from hybridsurrogate.simulation.arrays import MONTH, is_numeric
+from hybridsurrogate.simulation.arrays import MONTH, check_columns, is_numeric
 from hybridsurrogate.simulation.simulator import SimulationData, Simulator
 from hybridsurrogate.types import FloatArray
 
 # shared: the same in all experiments, as every parameter that is not mentioned
 _WAYS = ("shared", "own", "spread")
-# the number of an experiment that is none of those with labels
-_NONE = -1.0
 
 
 @dataclass(frozen=True)
 class Experiments:
-    """What a fit knows of the experiments that its rows are of.
+    """What a fit knows of the experiments that its rows are of, and of columns with names.
 
     Attributes
     ----------
-    column : str
-    labels : tuple of str or None
-        Names that stand in the column, in order; None where it holds numbers.
+    column : str or None
+        With the experiment of each row, where one was declared.
     by : mapping of parameter or output to {"own", "spread"}
         What differs between experiments, and how.
     outputs : tuple of str
         Of the simulation.
+    labels : mapping of str to tuple of str
+        Names that stand in columns of text which the simulation ignores, in order.
+    left_out : tuple of str
+        Such columns whose names stand in fewer than three rows each, which tell nothing.
     """
 
-    column: str
-    labels: tuple[str, ...] | None
-    by: Mapping[str, str]
+    column: str | None = None
+    by: Mapping[str, str] = field(default_factory=dict)
     outputs: tuple[str, ...] = ()
+    labels: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    left_out: tuple[str, ...] = ()
 
     def numbered(self, table: Any) -> Any:
-        """Return a table with names of experiments numbered; one that is not known is -1.
+        """Return a table with names numbered from zero; one that is not known is -1.
 
-        A column of numbers is numbered already.
+        Raises ValueError for other columns that hold no numbers.
         """
-        if self.labels is None or not _has_names(table, self.column):
+        if not isinstance(table, pd.DataFrame):
             return table
-        position = {label: float(k) for k, label in enumerate(self.labels)}
-        numbers = [position.get(str(value), _NONE) for value in table[self.column]]
-        return table.assign(**{self.column: np.array(numbers)})
+        table = table.drop(columns=list(self.left_out), errors="ignore")
+        numbers = {
+            column: pd.Index(labels).get_indexer(_text(table[column])).astype(float)
+            for column, labels in self.labels.items()
+            if _has_names(table, column)
+        }
+        table = table.assign(**numbers)
+        check_columns(table)
+        return table
 
     def effects(self) -> tuple[Cause, ...]:
         """Return what gives each experiment its own value of the parameters that differ.
 
         An output that differs has errors that the rows of an experiment share.
         """
+        if self.column is None:
+            return ()
+        labels = self.labels.get(self.column)
         return tuple(
-            SharedErrors(self.column, labels=self.labels)
+            SharedErrors(self.column, labels=labels)
             if name in self.outputs
-            else ParameterByExperiment(name, self.column, how, labels=self.labels)
+            else ParameterByExperiment(name, self.column, how, labels=labels)
             for name, how in self.by.items()
         )
 
@@ -73,15 +85,26 @@ def experiments_of(
     tables: Sequence[Any],
     column: str | None,
     by: Mapping[str, str] | None,
-    outputs: tuple[str, ...] = (),
-) -> Experiments | None:
-    """Return the experiments in the measured tables of a fit; None without a column."""
-    if column is None:
-        return None
+    simulation: SimulationData | Simulator | None,
+) -> Experiments:
+    """Return the experiments, and the names in columns, of the measured tables of a fit."""
     differing = {name: how for name, how in (by or {}).items() if how != "shared"}
-    names = [table[column].astype(str) for table in tables if _has_names(table, column)]
-    labels = tuple(sorted(set().union(*map(set, names)))) if names else None
-    return Experiments(column, labels, differing, outputs)
+    labels: dict[str, tuple[str, ...]] = {}
+    left_out = []
+    for name in dict.fromkeys(name for table in tables for name in column_names(table)):
+        # without a simulation all columns are inputs
+        if name != column and (simulation is None or name in simulation.input_names):
+            continue
+        texts = [_text(table[name]) for table in tables if _has_names(table, name)]
+        if name != column and any(_mostly_numbers(text) for text in texts):
+            continue
+        found = sorted(set().union(*map(set, texts)))
+        if name != column and sum(map(len, texts)) < LEAST_EACH * len(found):
+            left_out.append(name)
+        elif found:
+            labels[name] = tuple(found)
+    outputs = tuple(getattr(simulation, "outputs", ()))
+    return Experiments(column, differing, outputs, labels, tuple(left_out))
 
 
 def check_experiments(
@@ -127,6 +150,8 @@ def check_column(
 ) -> None:
     """Raise ValueError where the column of experiments is missing, an input or always the same."""
     name = experiments.column
+    if name is None:
+        return
     if name in inputs:
         raise ValueError(
             f"experiment={name!r} is an input of the simulation: it must be a column of labels "
@@ -150,6 +175,14 @@ def _has_names(table: Any, column: str) -> bool:
         and column in table.columns
         and not is_numeric(table[column])
     )
+
+
+def _mostly_numbers(column: pd.Series) -> bool:
+    return bool(pd.to_numeric(column, errors="coerce").notna().mean() > 0.5)
+
+
+def _text(column: pd.Series) -> pd.Series:
+    return column.astype(object).where(column.notna(), "missing").astype(str)
 
 
 def column_names(X: ArrayLike) -> list[str]:

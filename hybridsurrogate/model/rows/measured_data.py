@@ -386,8 +386,8 @@ class MeasuredData:
         Of several outputs with one output a row.
     stacking : Stacking or None
         How several outputs are laid out.
-    experiments : Experiments or None
-        Which experiment a row is of.
+    experiments : Experiments
+        Which experiment a row is of, and the names in columns of text.
     left_out : ndarray of bool of shape (m,), or None
         Single rows without weight, whatever was given.
     further : SingleRows or None
@@ -410,7 +410,7 @@ class MeasuredData:
     columns: tuple[str, ...]
     simulation: SimulationData | Simulator | None
     stacking: Stacking | None
-    experiments: Experiments | None
+    experiments: Experiments
     left_out: NDArray[np.bool_] | None = None
     further: SingleRows | None = None
     share: float = 1.0
@@ -429,7 +429,7 @@ class MeasuredData:
 
     def effects(self) -> tuple[Cause, ...]:
         """Return what gives each experiment its own value of the parameters that differ."""
-        return () if self.experiments is None else self.experiments.effects()
+        return self.experiments.effects()
 
     def simulated_by(self, simulation: SimulationData) -> MeasuredData:
         """Return the data with runs in place of the simulation."""

@@ -154,7 +154,7 @@ FOUND = {
         hs.MissingInput("batch", shape="categorical"),
         {},
     ),
-    "mass is 2.0 mg below the simulation at one value of batch.": (
+    "mass is 2.0 mg below the simulation where batch is 3.": (
         hs.MissingInput("batch", shape="categorical", level=3),
         {"amplitude": -2.0},
     ),

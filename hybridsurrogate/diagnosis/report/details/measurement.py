@@ -28,7 +28,10 @@ def _sentences(view: View, worth: str) -> list[str]:
     result = view.result
     view = view.of(result.next_measurement.place["output"]) if view.stacking is not None else view
     place = digits.listing(
-        [f"{name} = {digits.number(result.next_measurement.place[name])}" for name in view.columns]
+        [
+            f"{name} = {view.value(name, result.next_measurement.place[name])}"
+            for name in view.columns
+        ]
     )
     if view.stacking is not None:
         place += f" in {view.output}"

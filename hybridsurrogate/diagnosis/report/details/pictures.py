@@ -150,8 +150,7 @@ def picture_experiments(view: View, column: str) -> Drawn:
     shown = view.shown if view.shown in own else own[0]
     x = view.X[:, shown]
     residual = view.working_residuals(view.result.before)
-    known = view.result.before.data_.experiments
-    labels = known.labels if known is not None and known.column == column else None
+    labels = view.labels.get(column)
     across = min(4, len(levels))
     down = -(-len(levels) // across)
     axes = plotting.new_axes(down, across, height=1.2 + 1.5 * down, share=True)

@@ -43,7 +43,7 @@ def _hint(view: View) -> str:
     most = _most(parts)
     if most.share < 1.5 * most.rows:
         return f"all over {most.column}"
-    return f"most where {most.column} is {_span(most.low, most.high)}"
+    return f"most where {most.column} is {_span(view, most)}"
 
 
 def _most(parts: list[Third]) -> Third:
@@ -51,41 +51,30 @@ def _most(parts: list[Third]) -> Third:
     return max(parts, key=lambda third: third.share - third.rows)
 
 
-def _span(low: float, high: float) -> str:
-    ends = digits.number(low), digits.number(high)
-    return ends[0] if low == high else f"{ends[0]} to {ends[1]}"
-
-
-def _numbered(view: View) -> list[str]:
-    """Report which number stands for which experiment, where these had names."""
-    experiments = view.result.before.data_.experiments
-    if experiments is None or experiments.labels is None:
-        return []
-    names = digits.listing([f"{k} stands for {name}" for k, name in enumerate(experiments.labels)])
-    return [f"In {experiments.column} {names}."]
+def _span(view: View, third: Third) -> str:
+    low, high = (view.value(third.column, end) for end in (third.low, third.high))
+    return low if third.low == third.high else f"{low} to {high}"
 
 
 def _sentences(view: View) -> list[str]:
-    out = _numbered(view)
     if not view.extended:
         return [
-            *out,
             "Nowhere that the data show. The band is pointwise: it excludes zero in places even "
             "where nothing is wrong.",
         ]
     if not any(cause.changes_output for _, cause in view.findings):
         return [
-            *out,
             "The mean of the simulation stays as it is; the scatter of the measurements around it "
             "changes, and so the weight of each.",
         ]
+    out = []
     if not thirds(view):
         out.append("The predicted mean stays as it is; its uncertainty changes.")
     else:
         change = np.abs(view.change)
         most = int(np.argmax(change))
         place = digits.listing(
-            [f"{n} = {digits.number(v)}" for n, v in zip(view.columns, view.X[most], strict=True)]
+            [f"{n} = {view.value(n, v)}" for n, v in zip(view.columns, view.X[most], strict=True)]
         )
         rms = root_mean_square(change)
         out.append(
@@ -95,7 +84,7 @@ def _sentences(view: View) -> list[str]:
         part = _most(thirds(view))
         out.append(
             f"Of this (as squares) {digits.percent(part.share)} lies where {part.column} is "
-            f"{_span(part.low, part.high)}, with {digits.percent(part.rows)} of the rows."
+            f"{_span(view, part)}, with {digits.percent(part.rows)} of the rows."
         )
     # the smooth curve is one over an input; of another column the first picture shows more
     return [*out, _curve(view)] if view.name == view.band.column else out

@@ -42,7 +42,7 @@ def thirds(view: View) -> list[Third]:
     if not any(cause.changes_output for _, cause in view.findings) or not np.any(view.change):
         return []
     rows = dict(zip(view.columns, view.X.T, strict=True))
-    labels = label_columns(rows, len(view.inputs), view.result.before.experiment)
+    labels = label_columns(rows, len(view.inputs), view.result.before.experiment, view.labels)
     found = shares_of_thirds(view.X, view.change, view.columns, labels)
     # other columns than inputs and what a cause looks at have a share by accident
     matter = {*view.inputs, *(name for _, cause in view.findings for name in cause.reads)}
@@ -57,8 +57,8 @@ def third_table(view: View) -> pd.DataFrame | None:
     return pd.DataFrame(
         {
             "column": [t.column for t in found],
-            "from": [digits.number(t.low) for t in found],
-            "to": [digits.number(t.high) for t in found],
+            "from": [view.value(t.column, t.low) for t in found],
+            "to": [view.value(t.column, t.high) for t in found],
             "share of the discrepancy": [digits.percent(t.share) for t in found],
             "share of the rows": [digits.percent(t.rows) for t in found],
         }

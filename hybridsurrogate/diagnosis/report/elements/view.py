@@ -173,6 +173,15 @@ class View:
         """Return the unit of a column, output or parameter; its name where none is given."""
         return self.units.get(name, name)
 
+    @property
+    def labels(self) -> Mapping[str, tuple[str, ...]]:
+        """Names in columns of text, which rows number from zero."""
+        return self.result.before.data_.experiments.labels
+
+    def value(self, name: str, value: float) -> str:
+        """Return a value of a column as text, of a column of names the name."""
+        return self.labels[name][int(value)] if name in self.labels else digits.number(value)
+
     def axis(self, name: str) -> str:
         """Return the label of an axis."""
         return f"{name} ({self.units[name]})" if name in self.units else name
