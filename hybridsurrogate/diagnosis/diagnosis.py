@@ -316,6 +316,7 @@ class DiscrepancyDiagnosis(RegressorMixin, BaseEstimator):
         X : array-like of shape (n, n_columns)
             May carry columns that the simulation ignores: by name (DataFrame) or after its inputs
             (array). They are compared as missing inputs, and other causes may act along them.
+            Columns of text are labels, such as of batches.
         y : array-like of shape (n,), or (n, n_outputs) of a simulation of several outputs
             With NaN for what was not measured: of one output such rows are excluded, with a
             warning.
