@@ -288,8 +288,12 @@ def explanations(steps: Sequence[SearchStep]) -> tuple[list[Causes], list[float]
             causes = tuple(c for old in others for c in (own if old is found[k] else (old,)))
             if search.correlated[i] > 0.5:
                 # given the noise that the causes of this search were compared with
-                paths = [w for w in search.candidates if w.cause and w.cause.is_correlated_noise]
-                causes = (*causes, max(paths, key=lambda w: w.log_evidence).cause)
+                paths = [
+                    (w.log_evidence, w.cause)
+                    for w in search.candidates
+                    if w.cause is not None and w.cause.is_correlated_noise
+                ]
+                causes = (*causes, max(paths, key=lambda path: path[0])[1])
             sets.append(causes)
             ratios.append(float(search.probability[i] / search.probability[at]))
     shares = np.array(ratios) / np.sum(ratios)
