@@ -102,7 +102,7 @@ class FactoredRows:
         """Return the columns that are no products, (J, n, k), times the roots of the weights."""
         model, J, n = self.model, len(values), len(self.y)
         chosen = [k for k, effect in enumerate(model.effects) if not effect.factorises]
-        pieces = [model.added_by(chosen, self.X, values)]
+        pieces = [model.added(self.X, values, chosen)]
         if not model.factorises:
             known, features, _ = model.simulated(self.X, values)
             rest = np.broadcast_to(self.y - known, (J, n))[..., None]
