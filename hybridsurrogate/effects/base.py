@@ -168,6 +168,10 @@ class Cause(BaseEstimator):
     follows_slope : (str, float) or None
         Over which input or parameter ``noise`` looks at the slope of that output, ``X[SLOPE]``, per
         unit; and a usual change of it, in its unit. Only with one output.
+    replaces : str or None
+        The assumed constant or the parameter whose value the cause infers, if it does.
+    unit_of_output : float
+        What one of its coefficients is in the user's units, before any logarithm.
 
     Notes
     -----
@@ -211,6 +215,8 @@ class Cause(BaseEstimator):
     hierarchy: tuple[str, str, tuple[str, ...]] | None = None
     follows_mean: bool = False
     follows_slope: tuple[str, float] | None = None
+    replaces: str | None = None
+    unit_of_output: float = 1.0
     _overridden: ClassVar[frozenset[Act]] = frozenset()
 
     def __init_subclass__(cls, **kwargs: Any) -> None:
@@ -483,16 +489,6 @@ class Cause(BaseEstimator):
     def inner(self) -> Cause:
         """The cause itself: of one in one of several outputs the one that is in it."""
         return self
-
-    @property
-    def unit_of_output(self) -> float:
-        """What one of its coefficients is in the user's units, before any logarithm."""
-        return 1.0
-
-    @property
-    def replaces(self) -> str | None:
-        """The assumed constant or the parameter whose value the cause infers, if it does."""
-        return None
 
     @property
     def reads(self) -> tuple[str, ...]:
