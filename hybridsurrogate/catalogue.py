@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -50,13 +50,23 @@ def catalogue(
     own = {(cause.kind, cause.variant, cause.target) for cause in extra}
 
     def skip(form: Form, target: str | None, reason: str) -> None:
-        one = Skipped(form.kind, target, _with_form(form, reason))
+        # the form where it is not the plain one
+        word = form.name.partition(": ")[2].partition(",")[0]
+        whole = f"{word}: {reason}" if word and not reason.startswith(word) else reason
+        one = Skipped(form.kind, target, whole)
         # what the plain form lacks is not said again of another form of its kind
         if one not in skipped and Skipped(form.kind, target, reason) not in skipped:
             skipped.append(one)
 
     users = [(FORMS.get(cause.kind, Form(cause.kind, type(cause))), cause) for cause in extra]
-    for form, cause in (*_built_in(context, excluded, own, alone), *users):
+    built_in = [
+        (form, cause)
+        for form in FORMS.values()
+        if form.kind not in excluded and (alone or not form.only_alone)
+        for cause in form.propose(context)
+        if (cause.kind, cause.variant, cause.target) not in own
+    ]
+    for form, cause in (*built_in, *users):
         reason = _reason_to_skip(form, cause, context)
         if reason:
             skip(form, cause.target, reason)
@@ -98,19 +108,6 @@ def _of_outputs(
     return causes, skipped
 
 
-def _built_in(
-    context: Context,
-    excluded: Collection[str],
-    own: Collection[tuple[str, str, str | None]],
-    alone: bool,
-) -> Iterator[tuple[Form, Cause]]:
-    for form in FORMS.values():
-        if form.kind not in excluded and (alone or not form.only_alone):
-            for cause in form.propose(context):
-                if (cause.kind, cause.variant, cause.target) not in own:
-                    yield form, cause
-
-
 def _reason_to_skip(form: Form, cause: Cause, context: Context) -> str | None:
     n = len(next(iter(context.X.values())))
     if n < form.least_rows:
@@ -136,9 +133,3 @@ def _reason_to_skip(form: Form, cause: Cause, context: Context) -> str | None:
         if distinct < form.least_distinct:
             return f"{column} has {distinct} distinct values, {form.least_distinct} are needed"
     return None
-
-
-def _with_form(form: Form, reason: str) -> str:
-    """Return the reason, preceded by the form where it is not the plain one."""
-    word = form.name.partition(": ")[2].partition(",")[0]
-    return f"{word}: {reason}" if word and not reason.startswith(word) else reason

@@ -168,20 +168,12 @@ def from_normal(priors: Sequence[Prior], z: ArrayLike) -> FloatArray:
     points: FloatArray = np.asarray(z, dtype=float)
     if not len(priors):
         return np.empty_like(points)
-    return _interpolated_quantiles(tuple(priors), points)
-
-
-def _interpolated_quantiles(priors: tuple[Prior, ...], z: FloatArray) -> FloatArray:
-    """Return ppf(Phi(z)) by cubic Hermite interpolation.
-
-    Between -3 and 3 the relative error is about 1e-8 or less for a prior over up to six decades,
-    and 2e-7 for a log-uniform one over twelve.
-
-    scipy's quantile functions cost up to a millisecond a call whatever the size of the array;
-    samplers and searches make thousands of small calls.
-    """
-    cubics, first, low, high = _quantile_tables(priors)
-    position = np.minimum(np.maximum((z + _Z_LIMIT) / _STEP, 0.0), _N_TABLE - 1.0)
+    # ppf(Phi(z)) by cubic Hermite interpolation: between -3 and 3 the relative error is about 1e-8
+    # or less for a prior over up to six decades, and 2e-7 for a log-uniform one over twelve.
+    # scipy's quantile functions cost up to a millisecond a call whatever the size of the array;
+    # samplers and searches make thousands of small calls
+    cubics, first, low, high = _quantile_tables(tuple(priors))
+    position = np.minimum(np.maximum((points + _Z_LIMIT) / _STEP, 0.0), _N_TABLE - 1.0)
     # NaN marks what failed and stays NaN: it may point anywhere
     left_node = np.fmin(position, _N_TABLE - 2.0).astype(np.intp)
     t = position - left_node
@@ -194,30 +186,22 @@ def _quantile_tables(
     priors: tuple[Prior, ...],
 ) -> tuple[FloatArray, NDArray[np.intp], FloatArray, FloatArray]:
     """Return the cubics (4, n) of several priors, where each one's begin, and their supports."""
-    tables, slopes, low, high = zip(*map(_quantile_table, priors), strict=True)
-    values, slope = np.stack(tables), _STEP * np.stack(slopes)
+    values, slope = np.empty((2, len(priors), _N_TABLE))
+    for k, prior in enumerate(priors):
+        family, shapes, loc, scale = _family_of(prior) or (prior, (), 0.0, 1.0)
+        value, own = _tabulated(family, shapes)
+        values[k], slope[k] = loc + scale * value, _STEP * (scale * own)
+    low, high = np.transpose([prior.support() for prior in priors]).astype(float)
     rise, left, right = np.diff(values), slope[:, :-1], slope[:, 1:]
     cubics = np.stack(
         [values[:, :-1], left, 3 * rise - 2 * left - right, left + right - 2 * rise]
     ).reshape(4, -1)
     first = (_N_TABLE - 1) * np.arange(len(priors))
-    return cubics, first, np.array(low), np.array(high)
-
-
-def _quantile_table(prior: Prior) -> tuple[FloatArray, FloatArray, float, float]:
-    known = _family_of(prior)
-    if known is None:
-        values, slopes = _tabulated(prior)
-    else:
-        family, shapes, loc, scale = known
-        values, slopes = _tabulated(family, shapes)
-        values, slopes = loc + scale * values, scale * slopes
-    low, high = prior.support()
-    return values, slopes, float(low), float(high)
+    return cubics, first, low, high
 
 
 @lru_cache(maxsize=1024)
-def _tabulated(family: Any, shapes: tuple[float, ...] = ()) -> tuple[FloatArray, FloatArray]:
+def _tabulated(family: Any, shapes: tuple[float, ...]) -> tuple[FloatArray, FloatArray]:
     """Return quantiles at even steps of z, and their slopes."""
     z = np.linspace(-_Z_LIMIT, _Z_LIMIT, _N_TABLE)
     # the upper half from the survival function: Phi(z) loses its digits near 1

@@ -60,7 +60,7 @@ def log_evidence(fitted: PowerScaledSurrogate) -> float:
     context = SearchContext.of(on_working_rows(problem, fitted.posterior_), emulator)
     null = context.best_null()
     sizes = context.sizes([null])
-    alone = Search.of(context, [Candidate(None, null, context.evidence(null, sizes))], sizes)
+    alone = Search(context, [Candidate(None, null, context.evidence(null, sizes))], sizes)
     return scored(at_best_noise(alone, False)).candidates[0].log_evidence
 
 

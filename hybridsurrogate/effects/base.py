@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import inspect
 from collections.abc import Callable, Mapping
-from functools import lru_cache, partial
+from functools import partial
 from numbers import Integral
 from typing import TYPE_CHECKING, Any, ClassVar, Literal, Self, get_args
 
@@ -31,7 +31,6 @@ from hybridsurrogate.effects.expressions import (
     Printer,
     in_latex,
     in_words,
-    is_expression,
     sentence,
 )
 from hybridsurrogate.priors import check_prior, check_priors
@@ -95,25 +94,13 @@ def check_arguments(cause: Cause) -> None:
     ...
     TypeError: column of Trend must be a name, such as "t", got ['t'] (list).
     """
-    kind: Any = type(cause)
-    for name, check in _checks_of(kind).items():
-        check(getattr(cause, name, None), f"{name} of {kind.__name__}")
-
-
-@lru_cache(maxsize=256)
-def _checks_of(kind: type[Cause]) -> dict[str, Callable[[Any, str], Any]]:
-    """Return the checks of a constructor's arguments; one of which None is the default may be."""
-    out: dict[str, Callable[[Any, str], Any]] = {}
+    kind = type(cause)
     for one in inspect.signature(kind).parameters.values():
         check = _CHECKS.get(str(one.annotation).removesuffix(" | None"))
-        if check is not None:
-            out[one.name] = partial(_if_given, check) if one.default is None else check
-    return out
-
-
-def _if_given(check: Callable[[Any, str], Any], value: Any, name: str) -> None:
-    if value is not None:
-        check(value, name)
+        value = getattr(cause, one.name, None)
+        # None may be what is None by default
+        if check is not None and (value is not None or one.default is not None):
+            check(value, f"{one.name} of {kind.__name__}")
 
 
 Act = Literal["inputs", "gain", "response", "noise", "outliers", "overdispersion"]
@@ -181,6 +168,10 @@ class Cause(BaseEstimator):
     follows_slope : (str, float) or None
         Over which input or parameter ``noise`` looks at the slope of that output, ``X[SLOPE]``, per
         unit; and a usual change of it, in its unit. Only with one output.
+    replaces : str or None
+        The assumed constant or the parameter whose value the cause infers, if it does.
+    unit_of_output : float
+        What one of its coefficients is in the user's units, before any logarithm.
 
     Notes
     -----
@@ -224,6 +215,8 @@ class Cause(BaseEstimator):
     hierarchy: tuple[str, str, tuple[str, ...]] | None = None
     follows_mean: bool = False
     follows_slope: tuple[str, float] | None = None
+    replaces: str | None = None
+    unit_of_output: float = 1.0
     _overridden: ClassVar[frozenset[Act]] = frozenset()
 
     def __init_subclass__(cls, **kwargs: Any) -> None:
@@ -473,7 +466,8 @@ class Cause(BaseEstimator):
 
     def _printed(self, printer: Printer, values: Mapping[str, float]) -> str | None:
         shown = self.shown()
-        if shown is None or not is_expression(shown):
+        # of noise or of a delay there is no expression of the simulation
+        if shown is None or shown.does in ("scatters", "delays", "nothing"):
             return None
         try:
             return printer(shown, values, self.extents)
@@ -495,16 +489,6 @@ class Cause(BaseEstimator):
     def inner(self) -> Cause:
         """The cause itself: of one in one of several outputs the one that is in it."""
         return self
-
-    @property
-    def unit_of_output(self) -> float:
-        """What one of its coefficients is in the user's units, before any logarithm."""
-        return 1.0
-
-    @property
-    def replaces(self) -> str | None:
-        """The assumed constant or the parameter whose value the cause infers, if it does."""
-        return None
 
     @property
     def reads(self) -> tuple[str, ...]:

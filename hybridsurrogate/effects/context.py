@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -327,11 +326,7 @@ class Context:
     unit: float = 1.0
     at_prior_end: Mapping[str, float] = field(default_factory=dict)
     missed: FloatArray = field(default_factory=lambda: np.empty(0), repr=False)
-
-    @property
-    def unusual(self) -> tuple[int, ...]:
-        """Positions of the rows, those that the simulation misses most first."""
-        return tuple(np.argsort(-np.abs(self.missed), kind="stable").tolist())
+    _axes: dict[str, Axis] = field(default_factory=dict, init=False, repr=False)
 
     def begins_at_zero(self, column: str) -> bool:
         """Return whether a column ends near zero, and is never on the other side of it.
@@ -393,10 +388,6 @@ class Context:
         """Where the measured output lies."""
         simulated = self.location - self.distance
         return OutputScale(self.location, self.scale, simulated, self.log_scale, self.unit)
-
-    @cached_property
-    def _axes(self) -> dict[str, Axis]:
-        return {}
 
     @property
     def sd_of_shift(self) -> float | None:

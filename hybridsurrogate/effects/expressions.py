@@ -281,7 +281,7 @@ def in_words(code: Code, values: Values, spans: Mapping[str, float]) -> str:
     >>> in_words(line, {"slope": -0.25}, {"t": 10.0})
     'simulation - 0.25 (t - 5)'
     """
-    show = _Text().show
+    show = _Printer(is_latex=False).show
     whole, note = _whole(code, values, spans), f" ({code.note})" if code.note else ""
     if code.does == "moves":
         run_at = "run at" if code.of in code.columns.values() else "with"
@@ -308,15 +308,16 @@ def in_latex(code: Code, values: Values, spans: Mapping[str, float]) -> str:
     >>> print(in_latex(line, {"slope": -0.25}, {"t": 10.0}))
     \text{simulation} - 0.25 \, \left(\text{t} - 5\right)
     """
+    show = _Printer(is_latex=True).show
     whole, of = _whole(code, values, spans), word(code.of)
     if code.does == "adds to slope":
         slope = rf"\frac{{d}}{{dt}} {of}"
         changed, store = _added(_Word("", slope), whole), ""
         if code.unseen:
-            other = _Latex().show(_Reader(code, values, spans).read(code.unseen))
+            other = show(_Reader(code, values, spans).read(code.unseen))
             store = rf", \quad \frac{{d}}{{dt}} {word(code.states['store'])} = {other}"
-        return rf"{word('simulation')}, \quad {slope} \to {_Latex().show(changed)}{store}"
-    text = _Latex().show(whole)
+        return rf"{word('simulation')}, \quad {slope} \to {show(changed)}{store}"
+    text = show(whole)
     if code.does == "moves" and code.of in code.columns.values():
         return rf"{word('simulation')}\left({text}\right)"
     if code.does in ("moves", "scales rate"):
@@ -325,11 +326,6 @@ def in_latex(code: Code, values: Values, spans: Mapping[str, float]) -> str:
         note = rf" \, {word(f'({code.note})')}" if code.note else ""
         return rf"{word('simulation')}, \quad {of} = {text}{note}"
     return text
-
-
-def is_expression(code: Code) -> bool:
-    """Return whether it is an expression of the simulation, and not of noise or of a delay."""
-    return code.does not in ("scatters", "delays", "nothing")
 
 
 def sentence(text: str) -> str:
@@ -386,8 +382,11 @@ class _Reader:
                 return _Condition(((place, type(op), _resolved(place, self.node(right))),))
             case ast.Call(func=ast.Name(id="by_level")):
                 return self.levels()
+            case ast.Call(func=ast.Name(id="logistic"), args=[inner]):
+                below = _added(_ONE, _Call("exp", (_negative(self.node(inner)),)))
+                return _divided(_ONE, below)
             case ast.Call(func=ast.Name(id=name) | ast.Attribute(attr=name), args=arguments):
-                return self.call(name, tuple(map(self.node, arguments)))
+                return _Call(_SHORT.get(name, name), tuple(map(self.node, arguments)))
             case ast.Attribute(attr="pi"):
                 return _Word("pi", r"\pi")
         return self.other(tree)
@@ -415,11 +414,6 @@ class _Reader:
             case ast.Pow():
                 return _Power(left, right)
         return self.other(tree)
-
-    def call(self, name: str, arguments: tuple[_Node, ...]) -> _Node:
-        if name == "logistic":
-            return _divided(_ONE, _added(_ONE, _Call("exp", (_negative(arguments[0]),))))
-        return _Call(_SHORT.get(name, name), arguments)
 
     def name(self, name: str) -> _Node:
         code = self.code
@@ -509,32 +503,43 @@ def _is_output(node: _Node) -> bool:
     return (node.base if isinstance(node, _Power) else node) == _OUTPUT
 
 
-class _Text:
-    """Prints in plain text."""
+@dataclass(frozen=True)
+class _Printer:
+    """Prints in plain text, or in LaTeX."""
+
+    is_latex: bool
 
     def show(self, node: _Node, least: int = _SUM) -> str:
         """Return an expression, in brackets where it does not hold together enough."""
         text, holds = self.shown(node)
-        return text if holds >= least else self.brackets(text)
+        if holds >= least:
+            return text
+        return rf"\left({text}\right)" if self.is_latex else f"({text})"
 
     def shown(self, node: _Node) -> tuple[str, int]:
         match node:
             case _Number(value, digits):
-                return self.number(value, digits), _WHOLE if value >= 0 else _SUM
-            case _Word():
-                return self.word(node), _WHOLE
+                text = number(value, digits) if self.is_latex else f"{value:.{digits}g}"
+                return text, _WHOLE if value >= 0 else _SUM
+            case _Word(text, latex):
+                return latex if self.is_latex else text, _WHOLE
             case _Sum(terms):
                 return self.sum(terms), _SUM
             case _Product(sign, factors, divisors):
                 text = self.product(factors, divisors)
                 return (f"-{text}", _SUM) if sign < 0 else (text, _PRODUCT)
             case _Power(base, exponent):
-                return self.power(self.show(base, _WHOLE), exponent), _POWER
+                raised = self.show(exponent, _SUM if self.is_latex else _WHOLE)
+                raised = f"{{{raised}}}" if self.is_latex else raised
+                return f"{self.show(base, _WHOLE)}^{raised}", _POWER
             case _Call("abs", (inner,)):
                 return f"|{self.show(inner)}|", _WHOLE
             case _Call(name, arguments):
                 inside = ", ".join(self.show(one) for one in arguments)
-                return self.function(name) + self.brackets(inside), _WHOLE
+                if not self.is_latex:
+                    return f"{name}({inside})", _WHOLE
+                function = rf"\{name}" if name in _IN_LATEX else rf"\operatorname{{{name}}}"
+                return rf"{function}\left({inside}\right)", _WHOLE
             case _Condition(parts):
                 return self.condition(parts), _SUM
 
@@ -542,98 +547,45 @@ class _Text:
         text = self.show(terms[0])
         for before, term in pairwise(terms):
             sign, size = _signed(term)
-            text += f"{self.end_of(before)} {'-' if sign < 0 else '+'} {self.show(size)}"
+            # in words the condition of a term would hold for the next one, too
+            factors = before.factors if isinstance(before, _Product) and not self.is_latex else ()
+            comma = "," if any(isinstance(one, _Condition) for one in factors) else ""
+            text += f"{comma} {'-' if sign < 0 else '+'} {self.show(size)}"
         return text
 
     def product(self, factors: tuple[_Node, ...], divisors: tuple[_Node, ...]) -> str:
         """Return factors over divisors, and where that holds."""
-        where = [one for one in factors if isinstance(one, _Condition)]
-        plain = tuple(one for one in factors if not isinstance(one, _Condition))
-        text = self.fraction(plain, divisors) if divisors else self.factors(plain)
-        return text + "".join(self.where(one) for one in where)
+        where = [self.show(one) for one in factors if isinstance(one, _Condition)]
+        factors = tuple(one for one in factors if not isinstance(one, _Condition))
+        if not divisors:
+            text = self.factors(factors)
+        elif self.is_latex:
+            sides = (
+                self.show(s[0]) if len(s) == 1 else self.factors(s) for s in (factors, divisors)
+            )
+            text = r"\frac{{{}}}{{{}}}".format(*sides)
+        else:
+            below = self.show(divisors[0], _POWER)
+            below = below if len(divisors) == 1 else f"({self.factors(divisors)})"
+            text = f"{self.factors(factors)} / {below}"
+        holds = r" \, \mathbf{{1}}_{{{}}}" if self.is_latex else " where {}"
+        return text + "".join(map(holds.format, where))
 
     def factors(self, factors: tuple[_Node, ...]) -> str:
         factors = tuple(one for one in factors if one != _ONE) or (_ONE,)
-        text = self.show(factors[0], _PRODUCT)
+        text, times = self.show(factors[0], _PRODUCT), (" ", " * ")
+        times = (r" \, ", r" \cdot ") if self.is_latex else times
         for before, factor in pairwise(factors):
             apart = isinstance(factor, _Number) or _is_output(before) or _is_output(factor)
-            text += self.times[apart] + self.show(factor, _PRODUCT)
+            text += times[apart] + self.show(factor, _PRODUCT)
         return text
 
     def condition(self, parts: tuple[tuple[_Node, type, _Node], ...]) -> str:
         if len(parts) == 2 and parts[0][0] == parts[1][0] and parts[0][1] in _TURNED:
             (column, first, low), (_, second, high) = parts
-            names = self.relation(_TURNED[first]), self.relation(second)
+            names = [_RELATIONS[of][self.is_latex] for of in (_TURNED[first], second)]
             return f"{self.show(low)} {names[0]} {self.show(column)} {names[1]} {self.show(high)}"
-        each = (f"{self.show(a)} {self.relation(of)} {self.show(b)}" for a, of, b in parts)
-        return self.also.join(each)
-
-    times: tuple[str, str] = (" ", " * ")
-    also = " and "
-
-    def number(self, value: float, digits: int) -> str:
-        return f"{value:.{digits}g}"
-
-    def word(self, node: _Word) -> str:
-        return node.text
-
-    def function(self, name: str) -> str:
-        return name
-
-    def relation(self, of: type) -> str:
-        return _RELATIONS[of][0]
-
-    def brackets(self, text: str) -> str:
-        return f"({text})"
-
-    def fraction(self, factors: tuple[_Node, ...], divisors: tuple[_Node, ...]) -> str:
-        below = self.show(divisors[0], _POWER)
-        below = below if len(divisors) == 1 else f"({self.factors(divisors)})"
-        return f"{self.factors(factors)} / {below}"
-
-    def power(self, base: str, exponent: _Node) -> str:
-        return f"{base}^{self.show(exponent, _WHOLE)}"
-
-    def where(self, condition: _Condition) -> str:
-        return f" where {self.show(condition)}"
-
-    def end_of(self, term: _Node) -> str:
-        """Return what ends a term: its condition does not hold for the next one."""
-        factors = term.factors if isinstance(term, _Product) else ()
-        return "," if any(isinstance(one, _Condition) for one in factors) else ""
-
-
-class _Latex(_Text):
-    """Prints in LaTeX."""
-
-    times = (r" \, ", r" \cdot ")
-    also = r" \, \text{ and } \, "
-
-    def number(self, value: float, digits: int) -> str:
-        return number(value, digits)
-
-    def word(self, node: _Word) -> str:
-        return node.latex
-
-    def function(self, name: str) -> str:
-        return rf"\{name}" if name in _IN_LATEX else rf"\operatorname{{{name}}}"
-
-    def relation(self, of: type) -> str:
-        return _RELATIONS[of][1]
-
-    def brackets(self, text: str) -> str:
-        return rf"\left({text}\right)"
-
-    def fraction(self, factors: tuple[_Node, ...], divisors: tuple[_Node, ...]) -> str:
-        above = self.show(factors[0]) if len(factors) == 1 else self.factors(factors)
-        below = self.show(divisors[0]) if len(divisors) == 1 else self.factors(divisors)
-        return rf"\frac{{{above}}}{{{below}}}"
-
-    def power(self, base: str, exponent: _Node) -> str:
-        return f"{base}^{{{self.show(exponent)}}}"
-
-    def where(self, condition: _Condition) -> str:
-        return rf" \, \mathbf{{1}}_{{{self.show(condition)}}}"
-
-    def end_of(self, term: _Node) -> str:
-        return ""
+        each = (
+            f"{self.show(a)} {_RELATIONS[of][self.is_latex]} {self.show(b)}" for a, of, b in parts
+        )
+        return (r" \, \text{ and } \, " if self.is_latex else " and ").join(each)

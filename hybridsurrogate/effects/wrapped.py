@@ -88,7 +88,7 @@ class InOutput(Wrapped):
         return self.cause
 
     @property
-    def unit_of_output(self) -> float:
+    def unit_of_output(self) -> float:  # type: ignore[override]
         """The unit of the output."""
         return 1.0 if self.scale is None else self.scale
 

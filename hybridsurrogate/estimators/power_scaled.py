@@ -195,22 +195,10 @@ class PowerScaledSurrogate(SurrogateEstimator):
         out.posterior_ = with_prior_only(self.posterior_, self.inference_.problem, effects)
         return out
 
-    def _run_weights(self, data: MeasuredData) -> FloatArray | None:
-        """Return powers of the likelihoods of single runs, None where all are the same."""
-        if callable(self.beta) and isinstance(data.simulation, SimulationData):
-            return powers_of(self._beta_at(self.beta, data.simulation.X))[0]
-        return None
-
     def _learned_effects(self, data: MeasuredData) -> tuple[Cause, ...]:
         """Return the effects that rows inform: the user's, then what differs by experiment."""
         learned = (effect for effect in as_causes(self.effects) if effect.is_learned)
         return (*learned, *data.effects())
-
-    def _powers(self, X: FloatArray) -> tuple[float, float | FloatArray]:
-        """Return alpha_S and alpha_R; a weight that changes with x is in the rows' powers."""
-        if not callable(self.beta):
-            return powers_of(float(self.beta))
-        return 1.0, powers_of(self._beta_at(self.beta, X))[1]
 
     def _pointwise_loo(self, progress: bool = False) -> PointwiseLoo:
         random = check_random_state(self.random_state)
@@ -252,13 +240,11 @@ class FitTask:
         """Return the task of an estimator and data that its `checked_data` returned."""
         surrogate, likelihood = estimator.checked_settings()
         data = data.leaving_out(as_causes(estimator.effects))
-        plain = plain_problem(
-            data,
-            surrogate,
-            likelihood,
-            estimator.noise_prior,
-            run_weights=estimator._run_weights(data),
-        )
+        beta, runs, weights = estimator.beta, data.simulation, None
+        if callable(beta) and isinstance(runs, SimulationData):
+            weights = powers_of(estimator._beta_at(beta, runs.X))[0]
+        settings = surrogate, likelihood, estimator.noise_prior
+        plain = plain_problem(data, *settings, run_weights=weights)
         problem = plain.with_effects(estimator._learned_effects(data))
         return cls(estimator, surrogate, likelihood, data, plain, problem)
 
@@ -270,8 +256,11 @@ class FitTask:
 
     @property
     def powers(self) -> tuple[float, float | FloatArray]:
-        """Return alpha_S and alpha_R."""
-        return self.estimator._powers(self.data.distinct.X)
+        """alpha_S and alpha_R; a weight that changes with x is in the rows' powers."""
+        beta = self.estimator.beta
+        if not callable(beta):
+            return powers_of(float(beta))
+        return 1.0, powers_of(self.estimator._beta_at(beta, self.data.distinct.X))[1]
 
     def with_effects(self, effects: Sequence[Cause]) -> FitTask:
         """Return the task of other effects; the data are as they are, but for rows left out."""

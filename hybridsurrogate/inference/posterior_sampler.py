@@ -60,7 +60,8 @@ def first_step(
     doubt = np.nan
     if sampler in ("auto", "importance"):
         n = max(SETTINGS.oversampling * n_draws, SETTINGS.min_proposals)
-        sampled = _importance(target, minor, n, n_draws, random_state, modes)
+        args = target.extended_log_density, minor, n, n_draws, random_state
+        sampled = importance_draws(*args, n_noise=target.n_noise, modes=modes)
         if sampler == "auto" and target.is_exact:
             sampled, modes = _improved(
                 target, sampled, modes, minor, has_lines, n, n_draws, random_state
@@ -109,7 +110,8 @@ def evidence_around(
     steps = target.step_share, target.model.least_step
     starts = starts[np.argsort(-value)[: SETTINGS.evidence_starts]]
     modes, minor, _ = _approximations(target, find_modes(target.search_density, starts, *steps))
-    sampled = _importance(target, minor, SETTINGS.min_proposals, 1, random_state, modes)
+    args = target.extended_log_density, minor, SETTINGS.min_proposals, 1, random_state
+    sampled = importance_draws(*args, n_noise=target.n_noise, modes=modes)
     return _log_evidence_of(target, sampled)
 
 
@@ -122,20 +124,6 @@ def _modes(target: Target, starts: FloatArray) -> list[Gaussian]:
         if len(further):
             modes += find_modes(target.search_density, further, *steps)
     return distinct(modes)
-
-
-def _importance(
-    target: Target,
-    components: list[Gaussian],
-    n: int,
-    n_draws: int,
-    random_state: np.random.RandomState,
-    modes: list[Gaussian],
-) -> ImportanceDraws:
-    density, n_noise = target.extended_log_density, target.n_noise
-    return importance_draws(
-        density, components, n, n_draws, random_state, n_noise=n_noise, modes=modes
-    )
 
 
 def _improved(
@@ -167,7 +155,8 @@ def _improved(
         wide = replace(moment_match(sampled.draws, weight, minor[0]), log_mass=all_of_it)
         many = 4 * max(n, MOST_PROPOSALS)
         every = [wide, _like_prior(wide), *minor]
-        again = _importance(target, every, many, n_draws, random_state, modes)
+        args = target.extended_log_density, every, many, n_draws, random_state
+        again = importance_draws(*args, n_noise=target.n_noise, modes=modes)
         sampled = again if again.khat <= max(sampled.khat, KHAT_LIMIT) else sampled
     return sampled, modes
 

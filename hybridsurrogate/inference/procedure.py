@@ -259,7 +259,11 @@ def _finish(
     if powers[0] == 0 and np.all(powers[1] == 1):
         # measured rows alone were used, at full power: step 2 would repeat step 1
         return Fit(problem, first, first, drawn.u, drawn.diagnostics, powers, drawn.proposals)
-    again = measured_draws(problem, drawn.u, drawn.c, drawn.a, random_state)
+    if problem.collapses:
+        given, near = given_draws(problem, drawn.c), _without_hyper(problem, drawn.u)
+        again = second_step(given, near, random_state)
+    else:
+        again = moved_again(problem, drawn.u, drawn.c, drawn.a, random_state, FROM_NEAR)
     z = np.hstack([again.z, drawn.u[:, model.n_unknowns : -1]])
     second = replace(
         first, values=model.values(z), sigma=again.sigma, effect_coefficients=again.coefficients
@@ -292,19 +296,6 @@ def with_again(u: FloatArray, again: FloatArray) -> FloatArray:
     return np.hstack([again[:, :m], u[:, m:-1], again[:, m:]])
 
 
-def measured_draws(
-    problem: Problem,
-    u: FloatArray,
-    c: FloatArray,
-    a: FloatArray,
-    random_state: np.random.RandomState,
-) -> MeasuredDraws:
-    """Draw the unknowns of the measured rows given each coefficient draw."""
-    if not problem.collapses:
-        return moved_again(problem, u, c, a, random_state, FROM_NEAR)
-    return second_step(given_draws(problem, c), _without_hyper(problem, u), random_state)
-
-
 def moved_again(
     problem: Problem,
     u: FloatArray,
@@ -313,7 +304,10 @@ def moved_again(
     random_state: np.random.RandomState,
     effort: Effort,
 ) -> MeasuredDraws:
-    """Draw the same by moves from u and a, which are draws of this posterior or of one near."""
+    """Draw the unknowns of the measured rows given each coefficient draw, by moves.
+
+    From u and a, which are draws of this posterior or of one near.
+    """
     if problem.collapses:
         start = _without_hyper(problem, u)
         return moved_step(given_draws(problem, c), start, random_state, effort)

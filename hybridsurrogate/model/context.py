@@ -168,35 +168,33 @@ def check_effects(model: MeasuredModel, X: FloatArray) -> None:
     for effect in model.effects:
         for name, prior in effect.parameters.items():
             check_prior(prior, f"{name} of the cause {effect.name}")
-    for places in _PLACES_OF_CHECK:
-        _check_at(model, X, places)
-
-
-def _check_at(model: MeasuredModel, X: FloatArray, places: FloatArray) -> None:
-    z = np.zeros((len(places), model.n_unknowns))
-    z[:, model.n_parameters : model.n_parameters + len(model.theta_names)] = places[:, None]
-    rows, omega, theta = model.rows(X, model.values(z))
-    n = len(z) * len(X)
+    n, d = 2 * len(X), model.n_parameters
     heights = np.linspace(-1.0, 1.0, n) * model.default_sd
-    of_noise = {**rows, SIMULATED: heights, SLOPE: heights}
-    for effect, own in zip(model.effects, theta, strict=True):
-        moved = _called(effect, "inputs", rows, omega, own)
-        if not isinstance(moved, tuple) or len(moved) != 2:
-            raise ValueError(
-                f"The cause {effect.name!r} must return two mappings from inputs: the columns X "
-                "and the parameters omega."
-            )
-        for name in (*model.columns[: model.n_inputs], *omega):
-            value = moved[name in omega].get(name)
-            _check_array(effect, f"inputs, {name!r}", value, [(n,)])
-        _check_array(effect, "gain", _called(effect, "gain", rows, own), [(), (n,)])
-        noise = _called(effect, "noise", of_noise, own)
-        _check_array(effect, "noise", noise, [(), (n,)])
-        if np.min(noise) <= 0:
-            raise ValueError(f"The cause {effect.name!r} returned a noise that is not positive.")
-        if effect.coefficients:
-            expected = [(n, len(effect.coefficients))]
-            _check_array(effect, "columns", _called(effect, "columns", rows, own), expected)
+    for places in _PLACES_OF_CHECK:
+        z = np.zeros((2, model.n_unknowns))
+        z[:, d : d + len(model.theta_names)] = places[:, None]
+        rows, omega, theta = model.rows(X, model.values(z))
+        of_noise = {**rows, SIMULATED: heights, SLOPE: heights}
+        for effect, own in zip(model.effects, theta, strict=True):
+            moved = _called(effect, "inputs", rows, omega, own)
+            if not isinstance(moved, tuple) or len(moved) != 2:
+                raise ValueError(
+                    f"The cause {effect.name!r} must return two mappings from inputs: the columns "
+                    "X and the parameters omega."
+                )
+            for name in (*model.columns[: model.n_inputs], *omega):
+                value = moved[name in omega].get(name)
+                _check_array(effect, f"inputs, {name!r}", value, [(n,)])
+            _check_array(effect, "gain", _called(effect, "gain", rows, own), [(), (n,)])
+            noise = _called(effect, "noise", of_noise, own)
+            _check_array(effect, "noise", noise, [(), (n,)])
+            if np.min(noise) <= 0:
+                raise ValueError(
+                    f"The cause {effect.name!r} returned a noise that is not positive."
+                )
+            if effect.coefficients:
+                expected = [(n, len(effect.coefficients))]
+                _check_array(effect, "columns", _called(effect, "columns", rows, own), expected)
 
 
 def _called(effect: Cause, method: str, *arguments: Rows) -> Any:

@@ -166,12 +166,14 @@ class CausesOnRows:
         constants = np.tile(list(self.constants.values()), (len(values), 1))
         return np.hstack([values[:, : self.n_parameters], constants])
 
-    def added(self, X: FloatArray, values: FloatArray) -> FloatArray:
-        """Return the columns that causes add, (J, n, q); the simulation is not run."""
-        return self.added_by(range(len(self.effects)), X, values)
+    def added(
+        self, X: FloatArray, values: FloatArray, chosen: Sequence[int] | None = None
+    ) -> FloatArray:
+        """Return the columns that causes add, all or some by position, (J, n, q).
 
-    def added_by(self, chosen: Sequence[int], X: FloatArray, values: FloatArray) -> FloatArray:
-        """As `added`, of some of the causes, by position."""
+        The simulation is not run.
+        """
+        chosen = range(len(self.effects)) if chosen is None else chosen
         adding = [k for k in chosen if self.effects[k].coefficients]
         q = sum(len(self.effects[k].coefficients) for k in adding)
         if not q:

@@ -287,15 +287,11 @@ class MeasuredModel(CausesOnRows):
             output[some] = known + (features @ c[some, :, None])[..., 0]
         return output, noise
 
-    def close_by(self, X: FloatArray, values: FloatArray, c: FloatArray, moves: int) -> FloatArray:
-        """Return the output (J, n) of draws of which so many at a time are close to the first."""
-        return self._output(X, values, c, moves)[0]
-
     def _simulated(
         self, X: FloatArray, values: FloatArray, c: FloatArray | None
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return what `simulated` does; c may be one draw (p,) or one for each of values (J, p)."""
-        known, features = self._output(X, values, c)
+        known, features = self.output(X, values, c)
         if not self.touches_noise:
             return known, features, np.ones((len(values), 1))
         rows, _, theta = self.rows(X, values)
@@ -306,17 +302,27 @@ class MeasuredModel(CausesOnRows):
             slopes = [None if s is None else s.ravel() for s in self.slopes(X, values, c, output)]
         return known, features, self._noise(rows, theta, slopes, len(values), len(X))
 
-    def _output(
+    def output(
         self, X: FloatArray, values: FloatArray, c: FloatArray | None, moves: int = 1
     ) -> tuple[FloatArray, FloatArray]:
-        """Return known and features of the simulated output with what causes make of it."""
-        if not self._touched and not self.basis.known_depends_on_hyper:
+        """Return known and features of the simulated output with what causes make of it.
+
+        Of draws of which ``moves`` at a time are close to the first.
+        """
+        by_row = self.basis.known_depends_on_hyper
+        if not by_row and not self.acts_on("inputs", "gain", "response"):
             return self._unchanged(X, values, c, moves)
         rows, omega, theta = self.rows(X, values)
         known, features = self._moved(X, values, c, rows, omega, theta, moves)
-        if self._responds:
-            known, features = self._responded(known, features, rows, theta)
-        return known, features
+        if not self.acts_on("gain", "response"):
+            return known, features
+        # where there are features, to first order around the output of the reference
+        output = known + features @ self._reference if features.shape[2] else known
+        changed, slope = self._response(output.ravel(), rows, theta)
+        changed, slope = changed.reshape(known.shape), slope.reshape(known.shape)
+        if not features.shape[2]:
+            return changed, features
+        return changed + slope * (known - output), slope[..., None] * features
 
     def slopes(
         self, X: FloatArray, values: FloatArray, c: FloatArray | None, output: FloatArray
@@ -355,7 +361,7 @@ class MeasuredModel(CausesOnRows):
         else:
             X = X.copy()
             X[:, self.columns.index(name)] += step
-        known, features = model._output(X, values, c)
+        known, features = model.output(X, values, c)
         if c is None:
             known = known + features @ self._reference
         return (known - output) / step
@@ -402,31 +408,6 @@ class MeasuredModel(CausesOnRows):
             known, features = known + features @ c, features[:, :0]
         return known.reshape(J, n), features.reshape(J, n, features.shape[1])
 
-    def _responded(
-        self, known: FloatArray, features: FloatArray, rows: Rows, theta: Sequence[Rows]
-    ) -> tuple[FloatArray, FloatArray]:
-        """Return known and features of what causes make of the simulated output.
-
-        To first order around the output of the reference, where there are features.
-        """
-        shape, of_features = known.shape, features.shape[2]
-        output = known + features @ self._reference if of_features else known
-        values, slope = self._response(output.ravel(), rows, theta)
-        values, slope = values.reshape(shape), slope.reshape(shape)
-        if not of_features:
-            return values, features
-        return values + slope * (known - output), slope[..., None] * features
-
-    @property
-    def _responds(self) -> bool:
-        """Whether a cause makes something else of the simulated output."""
-        return self.acts_on("gain", "response")
-
-    @property
-    def _touched(self) -> bool:
-        """Whether a cause changes the simulation's output itself."""
-        return any(effect.touches_simulation for effect in self.effects)
-
     def places(self, X: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return inputs and parameters (J n, ...) at which the simulation is evaluated."""
         return self._places(*self.rows(X, values))
@@ -447,7 +428,9 @@ class MeasuredModel(CausesOnRows):
         else:
             features = self.basis.features(inputs, points)
         U = np.hstack([features @ factor, self.basis.error(inputs, points)])
-        return U * self._response(output, rows, theta)[1][:, None] if self._responds else U
+        if not self.acts_on("gain", "response"):
+            return U
+        return U * self._response(output, rows, theta)[1][:, None]
 
     @property
     def factorises(self) -> bool:
@@ -455,7 +438,7 @@ class MeasuredModel(CausesOnRows):
         return (
             type(self.basis).factors is not Basis.factors
             and not self.basis.known_depends_on_hyper
-            and not self._touched
+            and not self.acts_on("inputs", "gain", "response")
             and not self.touches_noise
         )
 

@@ -299,7 +299,18 @@ def with_prior_only(posterior: Posterior, problem: Problem, effects: Sequence[Ca
     """
     if not effects:
         return posterior
-    prepared = [prepared_for(effect, _context(problem)) for effect in effects]
+    own, stacking = problem.model, problem.stacking
+    scales = () if stacking is None else stacking.scale.tolist()
+    context = Context(
+        dict(zip(own.columns, problem.X.T, strict=False)),
+        own.n_inputs,
+        dict(own.parameters),
+        {},
+        problem.scale,
+        outputs=() if stacking is None else stacking.names,
+        of_outputs=tuple(OfOutput(0.0, 0.0, 1.0, float(scale)) for scale in scales),
+    )
+    prepared = [prepared_for(effect, context) for effect in effects]
     model = posterior.model
     whole = model.with_effects((*model.effects, *prepared))
     n, known = posterior.n_draws, model.n_unknowns
@@ -309,21 +320,6 @@ def with_prior_only(posterior: Posterior, problem: Problem, effects: Sequence[Ca
     theta = [prior.ppf((random.permutation(n) + 0.5) / n) for prior in whole.priors[known:]]
     values = np.column_stack([posterior.values[:, :known], *theta, posterior.values[:, known:]])
     q = len(model.column_sd)
-    own = random.standard_normal((n, len(whole.column_sd) - q)) * whole.column_sd[q:]
-    coefficients = np.hstack([posterior.effect_coefficients, own])
+    added = random.standard_normal((n, len(whole.column_sd) - q)) * whole.column_sd[q:]
+    coefficients = np.hstack([posterior.effect_coefficients, added])
     return replace(posterior, model=whole, values=values, effect_coefficients=coefficients)
-
-
-def _context(problem: Problem) -> Context:
-    model, stacking = problem.model, problem.stacking
-    names = () if stacking is None else stacking.names
-    scales = () if stacking is None else stacking.scale.tolist()
-    return Context(
-        dict(zip(model.columns, problem.X.T, strict=False)),
-        model.n_inputs,
-        dict(model.parameters),
-        {},
-        problem.scale,
-        outputs=names,
-        of_outputs=tuple(OfOutput(0.0, 0.0, 1.0, float(scale)) for scale in scales),
-    )

@@ -264,7 +264,18 @@ class PlainProblem:
 
     @cached_property
     def _reference(self) -> FloatArray:
-        return _reference(self.problem.model.basis, self.domain, self.run_weights)
+        """Coefficients (p,) estimated from the rows that train the surrogate, at full power."""
+        basis, domain, weights = self.problem.model.basis, self.domain, self.run_weights
+        if not len(basis.coefficient_mean):
+            return basis.coefficient_mean
+        hyper = np.array([prior.median() for prior in basis.hyperpriors.values()])
+        given = basis.given(hyper)
+        centred = domain.eta - given.known(domain.X, domain.omega)
+        features = given.features(domain.X, domain.omega)
+        weights = weights if weights is not None and len(weights) == len(centred) else None
+        mean = emulator_posterior(given, statistics(features, centred, domain.scale, weights)).mean
+        factor = basis.factor(hyper[None]) if len(hyper) else None
+        return mean if factor is None else basis.coefficient_mean + factor[0] @ mean
 
     def context_of(self, problem: Problem, c: FloatArray, values: FloatArray) -> Context:
         """Return what causes may use of a problem of the same simulation.
@@ -458,20 +469,6 @@ def _check_likelihood(model: MeasuredModel, likelihood: Likelihood) -> None:
             "Overdispersion is a scatter beyond that of a Poisson likelihood, or of a binomial one "
             f"of several trials; a {likelihood.name} one already has a scale, or no such form."
         )
-
-
-def _reference(basis: Basis, domain: Domain, weights: FloatArray | None) -> FloatArray:
-    """Return coefficients (p,) estimated from the rows that train the surrogate, at full power."""
-    if not len(basis.coefficient_mean):
-        return basis.coefficient_mean
-    hyper = np.array([prior.median() for prior in basis.hyperpriors.values()])
-    given = basis.given(hyper)
-    centred = domain.eta - given.known(domain.X, domain.omega)
-    features = given.features(domain.X, domain.omega)
-    weights = weights if weights is not None and len(weights) == len(centred) else None
-    mean = emulator_posterior(given, statistics(features, centred, domain.scale, weights)).mean
-    factor = basis.factor(hyper[None]) if len(hyper) else None
-    return mean if factor is None else basis.coefficient_mean + factor[0] @ mean
 
 
 def _check_basis(basis: Basis, domain: Domain) -> None:

@@ -33,39 +33,25 @@ def with_remainder(
     before, after : PowerScaledSurrogate
         Fitted to the same rows; after has causes as effects.
     """
-    return after.with_prior_only(_remainders(before, after))
-
-
-def _remainders(before: PowerScaledSurrogate, after: PowerScaledSurrogate) -> tuple[Cause, ...]:
-    """Return the remainder, of several outputs one for each; none of what did not change."""
-    rows, stacking = before.data_.single.X, before.data_.stacking
-    by = _experiments_that_differ(after)
+    rows, stacking, column = (
+        before.data_.single.X,
+        before.data_.stacking,
+        after.data_.experiments.column,
+    )
+    # errors that rows share leave the simulation the same in all
+    effects = [one for one in after.posterior_.model.effects if one.changes_output]
+    by = column if any(column in one.reads for one in effects) else None
     is_any_curve = any(effect.kind == "unexplained" for effect in as_causes(after.effects))
     least = LEAST_OF_CURVE if is_any_curve else LEAST
     change = np.mean(after.posterior_.eta(rows)[0], axis=0)
     change = change - np.mean(before.posterior_.eta(rows)[0], axis=0)
-    if stacking is None:
-        size = _size(change)
-        return (Remainder(size, least, by=by),) if size > 0 else ()
-    which = rows[:, stacking.at]
-    sizes = {name: _size(change[which == k]) for k, name in enumerate(stacking.names)}
-    return tuple(
-        InOutput(Remainder(size, least, by=by), name) for name, size in sizes.items() if size > 0
-    )
-
-
-def _experiments_that_differ(after: PowerScaledSurrogate) -> str | None:
-    """Return the column of experiments, None where what is fitted is the same in all of them."""
-    column = after.data_.experiments.column
-    # errors that rows share leave the simulation the same in all
-    effects = [one for one in after.posterior_.model.effects if one.changes_output]
-    return column if any(column in one.reads for one in effects) else None
-
-
-def _size(change: np.ndarray) -> float:
-    """Return the root mean square; zero for what is no number."""
-    size = float(np.sqrt(np.mean(change**2)))
-    return size if np.isfinite(size) else 0.0
+    names = ("",) if stacking is None else stacking.names
+    which = np.zeros(len(rows)) if stacking is None else rows[:, stacking.at]
+    sizes = [float(np.sqrt(np.mean(change[which == k] ** 2))) for k in range(len(names))]
+    # of several outputs one for each; none of what did not change
+    some = [(name, size) for name, size in zip(names, sizes, strict=True) if 0 < size < np.inf]
+    remainders = [(name, Remainder(size, least, by=by)) for name, size in some]
+    return after.with_prior_only([InOutput(one, name) if name else one for name, one in remainders])
 
 
 # alternatives that matter to the answer, and nodes of each (a period, a location) that matter to it
@@ -295,32 +281,25 @@ def explanations(steps: Sequence[SearchStep]) -> tuple[list[Causes], list[float]
         free = [c for c in found if id(c) not in held and c is not found[k]]
         if not all(cause.is_correlated_noise for cause in free):
             continue
-        others = _without(found, free)
+        others = [c for c in found if all(c is not other for other in free)]
         at = next(i for i, w in enumerate(search.candidates) if w.cause is found[k])
         for i, candidate in enumerate(search.candidates):
             if i == at:
                 continue
             own = () if candidate.cause is None else (candidate.cause,)
             causes = tuple(c for old in others for c in (own if old is found[k] else (old,)))
-            noise = _correlated_noise(search) if search.correlated[i] > 0.5 else ()
-            sets.append((*causes, *noise))
+            if search.correlated[i] > 0.5:
+                # given the noise that the causes of this search were compared with
+                paths = [
+                    (w.log_evidence, w.cause)
+                    for w in search.candidates
+                    if w.cause is not None and w.cause.is_correlated_noise
+                ]
+                causes = (*causes, max(paths, key=lambda path: path[0])[1])
+            sets.append(causes)
             ratios.append(float(search.probability[i] / search.probability[at]))
     shares = np.array(ratios) / np.sum(ratios)
     # the accepted ones come first, even where a cause was chosen for what it explains with a second
     order = [0, *(1 + np.argsort(-shares[1:], kind="stable"))]
     kept = [i for i in order if i == 0 or shares[i] >= _LEAST]
     return [sets[i] for i in kept], [float(shares[i]) for i in kept]
-
-
-def _correlated_noise(search: Search) -> Causes:
-    """Return the noise given which the causes of a search were compared."""
-    paths = [
-        (w.log_evidence, w.cause)
-        for w in search.candidates
-        if w.cause is not None and w.cause.is_correlated_noise
-    ]
-    return (max(paths, key=lambda path: path[0])[1],)
-
-
-def _without(causes: Causes, left_out: Sequence[Cause]) -> Causes:
-    return tuple(c for c in causes if all(c is not other for other in left_out))

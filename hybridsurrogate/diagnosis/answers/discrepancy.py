@@ -97,18 +97,12 @@ class Third(NamedTuple):
     rows: float
 
 
-def estimate_discrepancies(result: Search, cause: Cause | None) -> list[Discrepancy]:
-    """Return the smooth discrepancy of each output over one input, by the catch-all process.
+def estimate_discrepancy(result: Search, cause: Cause | None, output: int) -> Discrepancy:
+    """Return the smooth discrepancy of one output over one input, by the catch-all process.
 
-    The input is the one over which the cause acts, else the first.
+    In the output's units where these are not logarithmic; over the input over which the cause acts,
+    else the first.
     """
-    stacking = result.problem.stacking
-    n = 1 if stacking is None else len(stacking.names)
-    return [_of_output(result, cause, k) for k in range(n)]
-
-
-def _of_output(result: Search, cause: Cause | None, output: int) -> Discrepancy:
-    """Return the discrepancy of one output, in its units where these are not logarithmic."""
     problem, stacking = result.problem, result.problem.stacking
     inputs = problem.model.columns[: problem.model.n_inputs]
     column = next((name for name in (cause.reads if cause else ()) if name in inputs), inputs[0])

@@ -46,8 +46,8 @@ def counted_rows(rows: GivenRows) -> GivenRows:
     return rows._replace(weights=weights).take(np.flatnonzero(weights > 0))
 
 
-def copies(X: FloatArray, y: FloatArray) -> int:
-    """Return how many rows repeat an earlier one in input and output, 0 where that is no wonder.
+def copied_rows(X: FloatArray, y: FloatArray) -> list[Caution]:
+    """Return how many rows repeat an earlier one in input and output, unless that is no wonder.
 
     Rows with the same inputs are measurements made again. Where most of these differ in the output,
     those that agree are rounded.
@@ -59,19 +59,15 @@ def copies(X: FloatArray, y: FloatArray) -> int:
     """
     again = len(X) - len(np.unique(X, axis=0))
     alike = len(X) - len(np.unique(np.column_stack([X, y]), axis=0))
-    return alike if alike >= SETTINGS.few and 2 * alike > again else 0
-
-
-def copied_rows(X: FloatArray, y: FloatArray) -> list[Caution]:
-    """Return whether rows are in the data twice; arguments as of `copies`."""
-    n = copies(X, y)
+    if alike < SETTINGS.few or 2 * alike <= again:
+        return []
     sentence = (
-        f"{n} of {len(X)} measured rows are copies of others, in every input and in the output. "
-        "Copies count as measurements made again, so that the noise looks autocorrelated and "
-        "causes look surer than they are: drop them, DataFrame.drop_duplicates(), unless each was "
-        "measured."
+        f"{alike} of {len(X)} measured rows are copies of others, in every input and in the "
+        "output. Copies count as measurements made again, so that the noise looks autocorrelated "
+        "and causes look surer than they are: drop them, DataFrame.drop_duplicates(), unless each "
+        "was measured."
     )
-    return [Caution("data", sentence)] if n else []
+    return [Caution("data", sentence)]
 
 
 def check_digits(problem: Problem) -> None:

@@ -120,12 +120,8 @@ class EmulatorCheck(NamedTuple):
         stairs, all zero below one half, and an emulator of stairs is rough.
         """
         left_open = math.hypot(self.left_open, self.rounding or 0.0)
-        return left_open if left_open > self.most_open else 0.0
-
-    @property
-    def most_open(self) -> float:
-        """What runs may leave open of the simulation for a verdict, in units of the noise."""
-        return MOST_OPEN if self.rounding is None else _MOST_OPEN_OF_WHOLE
+        most = MOST_OPEN if self.rounding is None else _MOST_OPEN_OF_WHOLE
+        return left_open if left_open > most else 0.0
 
     @property
     def between_runs(self) -> float:

@@ -14,11 +14,11 @@ import pandas as pd
 from joblib import parallel_config
 from sklearn.base import clone
 
-from hybridsurrogate.diagnosis.answers.discrepancy import estimate_discrepancies
-from hybridsurrogate.diagnosis.answers.experimental_design import NextMeasurement, next_measurement
+from hybridsurrogate.diagnosis.answers.discrepancy import estimate_discrepancy
+from hybridsurrogate.diagnosis.answers.experimental_design import next_measurement
 from hybridsurrogate.diagnosis.answers.finding import cause_table, finding_of, not_reached
 from hybridsurrogate.diagnosis.checks.caution import Caution
-from hybridsurrogate.diagnosis.checks.columns import Ranges, doubtful_columns
+from hybridsurrogate.diagnosis.checks.columns import doubtful_columns
 from hybridsurrogate.diagnosis.checks.data import (
     cautions_of_dispersion,
     cautions_of_rounding,
@@ -56,12 +56,11 @@ from hybridsurrogate.diagnosis.validation.refit import (
     extended_estimator,
     extended_simulator,
 )
-from hybridsurrogate.effects.base import Cause
 from hybridsurrogate.estimators.averaged import leading
 from hybridsurrogate.estimators.emulation import as_given
 from hybridsurrogate.estimators.power_scaled import PowerScaledSurrogate, as_causes
 from hybridsurrogate.exceptions import ConfoundingWarning, DiagnosisWarning
-from hybridsurrogate.inference.procedure import AtPriorEnd, at_prior_ends
+from hybridsurrogate.inference.procedure import at_prior_ends
 from hybridsurrogate.model.rows.measured_data import GivenRows
 from hybridsurrogate.notebook import doing
 from hybridsurrogate.numerics.linear_algebra import one_blas_thread
@@ -118,9 +117,13 @@ def extend(
     after = extended_estimator(before, steps)
     found = leading(after)
     outputs, first = before.simulation.outputs, steps[0].chosen.cause
-    bands = dict(zip(outputs, estimate_discrepancies(search, first), strict=True))
+    bands = {name: estimate_discrepancy(search, first, k) for k, name in enumerate(outputs)}
     known = found.posterior_.model.effects[: len(as_causes(before.effects))]
     simulator = extended_simulator(before.simulation.simulator, (*known, *causes), search.problem)
+    replaced = {cause.replaces for cause in causes}
+    # of a search that decides nothing also those before it
+    models = (before, found) if conclusion.verdict == "undecided" else (found,)
+    at_end = {one.name: one for model in models for one in at_prior_ends(model.posterior_)}
     table = confounding(before, found, before.data_.single.X)
     for sentence in sentences_on_parameters(confounded(table)):
         warnings.warn(sentence, ConfoundingWarning, stacklevel=4)
@@ -134,19 +137,9 @@ def extend(
         discrepancies=bands,
         discrepancy=bands[(first and first.output) or outputs[0]],
         confounded=table,
-        at_prior_end=_at_prior_end(causes, before, found, conclusion.verdict),
+        at_prior_end=tuple(one for name, one in at_end.items() if name not in replaced),
         beta_scans=BetaScans((before, found), rows, n_jobs),
     )
-
-
-def _at_prior_end(
-    causes: Sequence[Cause], before: Any, found: PowerScaledSurrogate, verdict: str
-) -> tuple[AtPriorEnd, ...]:
-    """Return what is at an end of its prior in the extended model, else in the calibrated."""
-    replaced = {cause.replaces for cause in causes}
-    first = at_prior_ends(before.posterior_) if verdict == "undecided" else []
-    every = {one.name: one for one in (*first, *at_prior_ends(found.posterior_))}
-    return tuple(one for name, one in every.items() if name not in replaced)
 
 
 class InterruptedDiagnosis(KeyboardInterrupt):
@@ -226,7 +219,9 @@ def diagnose(
             causes = cause_table(first.conditional, prepared.skipped)
             conclusion, doubts = concluded(steps, before, problem, check, known, settings)
             cautions += doubts
-            asked, place = _asked(steps, ranges)
+            places = [next_measurement(step.conditional, ranges) for step in steps]
+            # the search about which one more measurement informs most
+            asked = max(range(len(steps)), key=lambda k: places[k].information)
             # a copy: the user's table may change
             rows = deepcopy(rows)._replace(y_err=before.data_.y_err)
             extension = extend(before, steps, conclusion, rows, jobs)
@@ -251,8 +246,8 @@ def diagnose(
         steps=tuple(steps),
         causes=causes,
         indistinguishable=tuple(first.conditional.credible_kinds),
-        asked=asked,
-        next_measurement=place,
+        asked=steps[asked].conditional,
+        next_measurement=places[asked],
         emulator_check=check,
         conclusion=conclusion,
         extension=extension,
@@ -280,10 +275,3 @@ def compare(
         return steps, []
     steps = forward_search(blurred(problem), prepared.causes, emulator, *limits, random)
     return steps, exact(steps[0].search)
-
-
-def _asked(steps: Sequence[SearchStep], ranges: Ranges) -> tuple[Search, NextMeasurement]:
-    """Return the search about which one more measurement informs most, and where that is."""
-    places = [next_measurement(step.conditional, ranges) for step in steps]
-    most = max(range(len(steps)), key=lambda k: places[k].information)
-    return steps[most].conditional, places[most]

@@ -61,18 +61,17 @@ def _under(search: Search, prior: str, factor: float) -> Search:
     """Return the search with one prior ``factor`` times as wide, or odds so many times as high."""
     if prior == "nothing is wrong":
         none, *causes = search.candidates
-        return search.reweighed([none.moved(float(np.log(factor))), *causes])
+        return replace(search, candidates=[none.moved(float(np.log(factor))), *causes])
     on_slopes, on_sizes = (factor, 1.0) if prior == "parameters" else (1.0, factor)
     largest = search.sizes[-1] * on_sizes
     sizes = np.geomspace(min(search.sizes[0], largest / 2), largest, len(search.sizes))
-    return search.reweighed(
-        [
-            w
-            if w.is_estimate or not np.isfinite(w.log_evidence)
-            else w.moved(_gain(search, w, sizes, on_slopes))
-            for w in search.candidates
-        ]
-    )
+    candidates = [
+        w
+        if w.is_estimate or not np.isfinite(w.log_evidence)
+        else w.moved(_gain(search, w, sizes, on_slopes))
+        for w in search.candidates
+    ]
+    return replace(search, candidates=candidates)
 
 
 def _gain(search: Search, w: Candidate, sizes: FloatArray, on_slopes: float) -> float:

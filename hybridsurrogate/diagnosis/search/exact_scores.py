@@ -26,7 +26,7 @@ from hybridsurrogate.inference.evidence.levenberg_marquardt import is_followed
 from hybridsurrogate.inference.evidence.settings import SETTINGS
 from hybridsurrogate.inference.posterior_sampler import evidence_around
 from hybridsurrogate.inference.procedure import make_target
-from hybridsurrogate.model.observation import MeasuredModel
+from hybridsurrogate.model.observation import MeasuredModel, WorkingPoint
 from hybridsurrogate.model.problem import Problem
 from hybridsurrogate.priors import to_normal
 from hybridsurrogate.types import FloatArray
@@ -59,7 +59,7 @@ def placed_together(
         near = elsewhere[k] > max(elsewhere[able]) - behind
         if near and evidence[k] > evidence[able[0]] - SETTINGS.within_reach:
             candidates[k] = _together(result, first, conditional, candidates[k])
-    return conditional.reweighed(candidates)
+    return replace(conditional, candidates=candidates)
 
 
 def movable(cause: Cause) -> bool:
@@ -114,39 +114,38 @@ def _turned(result: Search, fit: Fitted, cells: Grid) -> Fitted:
 _PLACES, _SHARES = 4, (-0.5, 0.5, 1.3)
 
 
-def screened_at_best(result: Search, causes: Sequence[Cause]) -> Search:
-    """Return the search repeated with rows expanded at the best cause, where something is wrong.
-
-    Where rows are normal there is nothing to expand. Where an emulator of single runs replaces the
-    simulation nothing is scored, so all causes keep the expansion at "nothing is wrong".
-
-    Parameters
-    ----------
-    result : Search
-        With the rows expanded where nothing is wrong.
-    causes : sequence of Cause
-        Those of the search.
-    """
+def _screened_at_best(result: Search, causes: Sequence[Cause], point: WorkingPoint) -> Search:
+    """Return the search repeated with rows expanded at the best cause, where something is wrong."""
     best = result.candidates[int(np.argmax(result.probability))]
-    if not _is_scored(result) or best.cause is None:
+    if best.cause is None:
         return result
-    problem, point = result.problem, result.problem.working_point
-    assert point is not None
+    problem = result.problem
     sigma = best.fit.sigma if problem.likelihood.scales_noise else point.sigma
     point = replace(point, eta=predict_locally(result, best, problem.X)[0], sigma=sigma)
     again = result.context.at(expanded(problem, point))
     return with_processes(search(again, causes), bool(np.any(result.remainder)))
 
 
-def scored(result: Search) -> Search:
+def scored(result: Search, causes: Sequence[Cause] | None = None) -> Search:
     """Return the search with its best causes scored by the likelihood of the measured rows.
 
     The search stays as it is where rows are normal (the closed form agrees there with importance
-    sampling to 0.1 nats); where an emulator of single runs stands for the simulation, the
-    screening's evidence stands.
+    sampling to 0.1 nats); where an emulator of single runs stands for the simulation, its
+    covariance is one of all rows, and the screening's evidence stands. An emulator of curves leaves
+    open a few coefficients, which the inner Laplace approximation integrates.
+
+    Parameters
+    ----------
+    result : Search
+    causes : sequence of Cause or None
+        Those of a search whose rows are expanded where nothing is wrong: it is repeated first, with
+        rows expanded at its best cause.
     """
-    if not _is_scored(result):
+    point = result.problem.working_point
+    if point is None or result.problem.model.basis.with_features is None:
         return result
+    if causes is not None:
+        result = _screened_at_best(result, causes, point)
     screened = np.array([w.log_evidence for w in result.candidates])
     weight = screened + np.log(prior_of(result.candidates))
     order = np.argsort(-weight)[: SETTINGS.most_scored]
@@ -157,19 +156,8 @@ def scored(result: Search) -> Search:
         return result
     nearest = max(exact, key=lambda k: weight[k])
     moved = {k: value - screened[k] for k, value in exact.items()}
-    return result.reweighed(
-        [w.moved(moved.get(k, moved[nearest])) for k, w in enumerate(result.candidates)]
-    )
-
-
-def _is_scored(result: Search) -> bool:
-    """Return whether causes are scored: rows are not normal, the simulation is run, or curves.
-
-    An emulator of curves leaves open a few coefficients, which the inner Laplace approximation
-    integrates; one of single runs has a covariance of all rows.
-    """
-    problem, basis = result.problem, result.problem.model.basis
-    return problem.working_point is not None and basis.with_features is not None
+    out = [w.moved(moved.get(k, moved[nearest])) for k, w in enumerate(result.candidates)]
+    return replace(result, candidates=out)
 
 
 def _log_evidence(result: Search, w: Candidate) -> float:

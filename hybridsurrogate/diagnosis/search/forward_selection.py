@@ -10,7 +10,7 @@ from scipy import special
 
 from hybridsurrogate.diagnosis.search.candidate import LEAST_PROBABLE, Candidate, prior_of
 from hybridsurrogate.diagnosis.search.context import Fitted, InterruptedSearch, SearchContext
-from hybridsurrogate.diagnosis.search.exact_scores import placed_together, scored, screened_at_best
+from hybridsurrogate.diagnosis.search.exact_scores import placed_together, scored
 from hybridsurrogate.diagnosis.search.null_test import NullTest, evidence_bound, null_test
 from hybridsurrogate.diagnosis.search.processes import at_best_noise, with_processes
 from hybridsurrogate.diagnosis.search.search import Search, draw_the_same, search
@@ -125,7 +125,7 @@ def _one_after_the_other(
             screened, test = result, None
             if not steps:
                 result = at_best_noise(result, thorough)
-                result = scored(screened_at_best(result, causes))
+                result = scored(result, causes)
             if tested is not None:
                 # given accepted causes, the evidence keeps their places fixed
                 bounds = () if steps else (evidence_bound(screened), evidence_bound(result))
@@ -232,8 +232,8 @@ def _with_correlated_noise(
     is used together with it.
     """
     last, found = steps[-1].chosen, steps[-1].conditional
-    place = found.place_of(last.cause)
-    if ends_search(last) or place is None or found.correlated[place] <= 0.5:
+    places = [k for k, w in enumerate(found.candidates) if w.cause is last.cause]
+    if ends_search(last) or not places or found.correlated[places[0]] <= 0.5:
         return list(steps)
     paths = [cause for cause in causes if cause.is_correlated_noise]
     given = _search_given(found, paths, last)

@@ -60,7 +60,7 @@ def at_best_noise(result: Search, with_remainder: bool) -> Search:
     for w, fit in zip(result.candidates, fits, strict=True):
         evidence = result.context.evidence(fit, sizes) + _noise_of(fit.model).log_prior()
         candidates.append(Candidate(w.cause, fit, evidence))
-    found = replace(result, sizes=sizes).reweighed(candidates)
+    found = replace(result, sizes=sizes, candidates=candidates)
     return with_processes(found, with_remainder)
 
 
@@ -139,7 +139,7 @@ def _given_curve(result: Search) -> Search:
             out.append(w._replace(log_evidence_with_remainder=process.log_evidence))
         else:
             out.append(w._replace(log_evidence_with_remainder=_with_process(result, w, bases)))
-    return result.reweighed(out)
+    return replace(result, candidates=out)
 
 
 def _given_noise(result: Search, nearby: Search | None) -> Search:
@@ -162,7 +162,7 @@ def _given_noise(result: Search, nearby: Search | None) -> Search:
     for k in sorted(able, key=lambda k: -value[k])[: SETTINGS.given_noise]:
         evidence = _with_process(result, out[k], bases)
         out[k] = out[k]._replace(log_evidence_with_noise=evidence)
-    return result.reweighed(out)
+    return replace(result, candidates=out)
 
 
 def _process(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -214,14 +214,14 @@ class Search:
     context: SearchContext
     candidates: list[Candidate]
     sizes: FloatArray
-    probability: FloatArray
-    remainder: FloatArray
-    correlated: FloatArray
+    probability: FloatArray = field(init=False)
+    remainder: FloatArray = field(init=False)
+    correlated: FloatArray = field(init=False)
 
-    @classmethod
-    def of(cls, context: SearchContext, candidates: list[Candidate], sizes: FloatArray) -> Search:
-        """Return a search with the probabilities that follow from the evidence."""
-        return cls(context, candidates, sizes, *probabilities(candidates))
+    def __post_init__(self) -> None:
+        # they follow from the evidence, also of one that `replace` gave other candidates
+        names = ("probability", "remainder", "correlated")
+        vars(self).update(zip(names, probabilities(self.candidates), strict=True))
 
     def __repr__(self) -> str:
         order = np.argsort(-self.probability)[:3]
@@ -270,10 +270,6 @@ class Search:
         enough = int(np.searchsorted(mass, SETTINGS.set_mass)) + 1
         return [kind for kind, _ in ordered[:enough]]
 
-    def place_of(self, cause: Cause | None) -> int | None:
-        """Return the position of a cause, None where it was not compared."""
-        return next((k for k, w in enumerate(self.candidates) if w.cause is cause), None)
-
     def over(self, model: MeasuredModel, causes: Sequence[Cause]) -> Search | None:
         """Return it with candidates for the causes of other rows, in their order.
 
@@ -290,11 +286,7 @@ class Search:
         none = self.candidates[0]
         known = {form(w.cause): w for w in self.candidates[1:] if w.cause is not None}
         same = [known.get(form(c), Candidate(c, none.fit, -np.inf)) for c in causes]
-        return self.reweighed([none, *same])
-
-    def reweighed(self, candidates: list[Candidate]) -> Search:
-        """Return the search with other evidence for its candidates."""
-        return Search.of(self.context, candidates, self.sizes)
+        return replace(self, candidates=[none, *same])
 
 
 def search(
@@ -365,21 +357,20 @@ def _climbed(result: Search) -> Search:
             continue
         fit = result.context.converge(out[k].fit)
         out[k] = Candidate(cause, fit, result.context.evidence(fit, result.sizes))
-    return result.reweighed(out)
+    return replace(result, candidates=out)
 
 
 def _estimated(result: Search, sample: Search) -> Search:
     """Return the search with the evidence that a sample, as so much of it, has for the rest."""
     none, few = result.candidates[0].log_evidence, sample.candidates[0].log_evidence
     share = len(result.problem.y) / len(sample.problem.y)
-    return result.reweighed(
-        [
-            w._replace(log_evidence=none + share * (of_few.log_evidence - few), is_estimate=True)
-            if w.log_evidence == -np.inf
-            else w
-            for w, of_few in zip(result.candidates, sample.candidates, strict=True)
-        ]
-    )
+    out = [
+        w._replace(log_evidence=none + share * (of_few.log_evidence - few), is_estimate=True)
+        if w.log_evidence == -np.inf
+        else w
+        for w, of_few in zip(result.candidates, sample.candidates, strict=True)
+    ]
+    return replace(result, candidates=out)
 
 
 def _within_reach(nearby: Search, causes: Sequence[Cause]) -> NDArray[np.intp]:
@@ -408,7 +399,7 @@ def _compare(
     for cause, fit, evidence in zip([None, *causes], modes, known, strict=False):
         value = context.evidence(fit, sizes) if np.isnan(evidence) else float(evidence)
         candidates.append(Candidate(cause, fit, value))
-    return Search.of(context, candidates, sizes)
+    return Search(context, candidates, sizes)
 
 
 # two explanations are the same to the measured rows if they are less than so many nats apart, and

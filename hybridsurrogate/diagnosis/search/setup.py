@@ -30,7 +30,6 @@ from hybridsurrogate.model.statistics import EmulatorPosterior, emulator_posteri
 from hybridsurrogate.priors import to_normal
 from hybridsurrogate.simulation.arrays import is_whole
 from hybridsurrogate.simulation.simulator import SimulationData
-from hybridsurrogate.surrogates.basis import Basis
 from hybridsurrogate.types import FloatArray
 
 # draws of the posterior of which the best is taken
@@ -274,9 +273,4 @@ def trained_emulator(
     errors = problem.likelihood.rounding(run_eta) if is_whole(runs.y) else np.zeros(1)
     noise = float(np.sqrt(np.mean(errors**2)))
     kriged, emulator = krige(basis, emulator, runs, run_eta, noise)
-    return with_basis(problem, kriged), emulator
-
-
-def with_basis(problem: Problem, basis: Basis) -> Problem:
-    """Return the problem with another surrogate of the same simulation."""
-    return replace(problem, model=replace(problem.model, basis=basis))
+    return replace(problem, model=replace(problem.model, basis=kriged)), emulator

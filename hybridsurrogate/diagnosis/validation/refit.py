@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -19,7 +19,7 @@ from hybridsurrogate.diagnosis.search.candidate import Candidate
 from hybridsurrogate.diagnosis.search.context import on_working_rows
 from hybridsurrogate.diagnosis.search.forward_selection import SearchStep, forward_search
 from hybridsurrogate.diagnosis.search.search import Search, local_posterior, measured_and_other
-from hybridsurrogate.diagnosis.search.setup import prepare, with_basis
+from hybridsurrogate.diagnosis.search.setup import prepare
 from hybridsurrogate.diagnosis.validation.gain import in_one_word
 from hybridsurrogate.effects.base import Cause
 from hybridsurrogate.effects.noise.outliers import GrossError, GrossRow
@@ -147,7 +147,8 @@ class Refit:
         before = quickly_fitted(task, self.fitted.before)
         settings = self.settings
         setup = prepare(before, settings.causes, settings.exclude, settings.max_causes)
-        problem = with_basis(setup.problem, self.found[0].problem.model.basis)
+        basis = self.found[0].problem.model.basis
+        problem = replace(setup.problem, model=replace(setup.problem.model, basis=basis))
         problem = on_working_rows(problem, before.posterior_)
         steps = forward_search(
             problem,

@@ -111,19 +111,13 @@ class Autocorrelation(OverColumn):
         waves = np.cumprod(np.broadcast_to(first[:, None], (len(first), _PAIRS)), axis=1)
         of_rows = np.empty((len(first), 1 + 2 * _PAIRS))
         of_rows[:, 0], of_rows[:, 1::2], of_rows[:, 2::2] = 1.0, waves.real, waves.imag
-        height = self._heights(theta["length"], theta["amplitude"], frequency)
-        return of_rows, np.hstack([height[:, :1], np.repeat(height[:, 1:], 2, axis=1)])
-
-    def _heights(
-        self, length: FloatArray, amplitude: FloatArray, frequency: FloatArray
-    ) -> FloatArray:
-        """Return the standard deviations of the waves for each length and amplitude."""
         order = np.arange(len(frequency))
-        rate = self.axis.span / (2 * np.reshape(length, (-1, 1)))
+        rate = self.axis.span / (2 * np.reshape(theta["length"], (-1, 1)))
         # Fourier coefficients of exp(-rate distance) over half a period
         cut = 1 - (-1.0) ** order * np.exp(-rate * _PERIOD / 2)
         variance = np.where(order, 4, 2) / _PERIOD * rate / (rate**2 + frequency**2) * cut
-        return np.sqrt(variance) * np.reshape(amplitude, (-1, 1))
+        height = np.sqrt(variance) * np.reshape(theta["amplitude"], (-1, 1))
+        return of_rows, np.hstack([height[:, :1], np.repeat(height[:, 1:], 2, axis=1)])
 
     def code(self) -> Code:
         """Return the cause as Python."""

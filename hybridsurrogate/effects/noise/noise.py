@@ -303,19 +303,11 @@ class NoiseOfMean(Declared):
     unknowns = ("exponent",)
     meaning = "the scatter of the measurements changes with the size of {output}"
     follows_mean = True
+    variant = "mean"
+    name = "noise(output)"
 
     exponent: Prior | None = None
     measured: OutputScale = UNMEASURED
-
-    @property
-    def variant(self) -> str:
-        """Over the simulated output."""
-        return "mean"
-
-    @property
-    def name(self) -> str:
-        """The kind, and what it follows."""
-        return "noise(output)"
 
     def prepare(self, context: Context) -> Cause:
         """Fill in the usual size of the output and the prior."""

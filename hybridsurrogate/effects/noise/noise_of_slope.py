@@ -125,6 +125,8 @@ def _slopes_of(cause: NoiseOfSlope, context: Context) -> FloatArray:
 def trouble(cause: Cause, context: Context) -> str | None:
     """Return why such noise cannot be separated from any other."""
     assert isinstance(cause, NoiseOfSlope)
+    if labels := trouble_with_labels(cause.quantity, context):
+        return labels
     try:
         size = np.abs(_slopes_of(cause, context))
     except ValueError as error:
@@ -173,10 +175,6 @@ class InputError(NoiseOfSlope):
         return f"simulation, with {self.quantity} off by {values['spread']:.4g} (sd) in every row"
 
 
-def _trouble(cause: Cause, context: Context) -> str | None:
-    return trouble_with_labels(cause.target or "", context) or trouble(cause, context)
-
-
 register(
     Form(
         "input-error",
@@ -186,7 +184,7 @@ register(
             "the recorded {target} is not exact: {output} scatters where it is steep in {target}"
         ),
         least_rows=8,
-        trouble=_trouble,
+        trouble=trouble,
         headline="{target} is not exactly where the data have it: its error is about {spread}",
     )
 )

@@ -130,7 +130,8 @@ class GrossError(Declared):
         if self.rows or self.table is not None:
             return self
         table = np.column_stack(list(context.X.values()))
-        likely = context.unusual or tuple(range(len(table)))
+        # those that the simulation misses most first
+        likely = np.argsort(-np.abs(context.missed), kind="stable").tolist() or range(len(table))
         tried = sorted(likely[: MOST_ROWS if self.n_rows == 1 else _PAIRED])
         sets = np.array(list(combinations(tried, self.n_rows)), dtype=np.intp)
         return self.filled(table=table, columns_of_table=tuple(context.X), sets=sets)

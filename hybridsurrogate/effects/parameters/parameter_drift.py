@@ -44,22 +44,6 @@ class _Shape(NamedTuple):
     multiplies: bool = False
 
 
-def _linear(x: FloatArray, theta: Rows) -> FloatArray:
-    return theta["slope"] * x
-
-
-def _exponential(x: FloatArray, theta: Rows) -> FloatArray:
-    return np.clip(theta["rate"] * x, -_BREAKS, _BREAKS)
-
-
-def _jump(x: FloatArray, theta: Rows) -> FloatArray:
-    return np.where(x >= theta["location"], theta["change"], 0.0)
-
-
-def _logistic(x: FloatArray, theta: Rows) -> FloatArray:
-    return theta["change"] * special.expit((x - theta["location"]) / theta["width"])
-
-
 def _periodic(x: FloatArray, theta: Rows) -> FloatArray:
     phase = 2 * np.pi * x / theta["period"]
     return theta["sine"] * np.sin(phase) + theta["cosine"] * np.cos(phase)
@@ -68,26 +52,26 @@ def _periodic(x: FloatArray, theta: Rows) -> FloatArray:
 _SHAPES = {
     "linear": _Shape(
         ("slope",),
-        _linear,
+        lambda x, theta: theta["slope"] * x,
         "{slope} * ({x} - {center})",
         {"slope": "{of} / {x}"},
     ),
     "exponential": _Shape(
         ("rate",),
-        _exponential,
+        lambda x, theta: np.clip(theta["rate"] * x, -_BREAKS, _BREAKS),
         "np.exp({rate} * ({x} - {center}))",
         {"rate": "1 / {x}"},
         multiplies=True,
     ),
     "step": _Shape(
         ("change",),
-        _jump,
+        lambda x, theta: np.where(x >= theta["location"], theta["change"], 0.0),
         "{change} * ({x} >= {location})",
         {"change": "{of}", "location": "{x}"},
     ),
     "logistic": _Shape(
         ("change",),
-        _logistic,
+        lambda x, t: t["change"] * special.expit((x - t["location"]) / t["width"]),
         "{change} * logistic(({x} - {location}) / {width})",
         {"change": "{of}", "location": "{x}", "width": "{x}"},
     ),

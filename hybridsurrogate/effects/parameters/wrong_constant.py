@@ -28,7 +28,7 @@ class _OtherValue(Declared):
     note: str
 
     @property
-    def replaces(self) -> str | None:
+    def replaces(self) -> str | None:  # type: ignore[override]
         """The constant or the parameter itself."""
         return self.target
 

@@ -54,16 +54,13 @@ class Gain(Declared):
 
     def priors_by_name(self) -> Mapping[str, Prior]:
         """Return the prior of the factor: log gain is Laplace."""
-        return {} if self.log_scale else {"gain": frozen(stats.loglaplace, 1 / self._scale)}
+        scale = _LAPLACE_SCALE if self.scale is None else self.scale
+        return {} if self.log_scale else {"gain": frozen(stats.loglaplace, 1 / scale)}
 
     @property
     def coefficient_sd(self) -> float | None:  # type: ignore[override]
         """Standard deviation of the logarithm of the factor where the output is logarithmic."""
         return self.scale
-
-    @property
-    def _scale(self) -> float:
-        return _LAPLACE_SCALE if self.scale is None else self.scale
 
     @property
     def coefficients(self) -> tuple[str, ...]:  # type: ignore[override]

@@ -76,7 +76,12 @@ class FactoredRows:
     @cached_property
     def products(self) -> NDArray[np.bool_]:
         """Which of the rows' columns are products, (p + q + 1,)."""
-        return are_products(self.model)
+        model = self.model
+        # noise that differs between rows scales those of each draw differently
+        by_cause = [e.factorises and not model.touches_noise for e in model.effects]
+        features = np.full(len(model.basis.coefficient_mean), model.factorises)
+        columns = (by_cause[k] for k, _ in model.column_names)
+        return np.array([*features, *columns, model.factorises])
 
     @cached_property
     def of_rows(self) -> FloatArray:
@@ -102,7 +107,7 @@ class FactoredRows:
         """Return the columns that are no products, (J, n, k), times the roots of the weights."""
         model, J, n = self.model, len(values), len(self.y)
         chosen = [k for k, effect in enumerate(model.effects) if not effect.factorises]
-        pieces = [model.added_by(chosen, self.X, values)]
+        pieces = [model.added(self.X, values, chosen)]
         if not model.factorises:
             known, features, _ = model.simulated(self.X, values)
             rest = np.broadcast_to(self.y - known, (J, n))[..., None]
@@ -143,14 +148,6 @@ class FactoredRows:
             out[:, ~self.products] = across
             out[:, :, ~self.products] = np.swapaxes(across, 1, 2)
         return out
-
-
-def are_products(model: MeasuredModel) -> NDArray[np.bool_]:
-    """Return which of [features, columns, y minus the fixed mean] are products, (p + q + 1,)."""
-    # noise that differs between rows scales those of each draw differently
-    by_cause = [e.factorises and not model.touches_noise for e in model.effects]
-    features = np.full(len(model.basis.coefficient_mean), model.factorises)
-    return np.array([*features, *(by_cause[k] for k, _ in model.column_names), model.factorises])
 
 
 def _column_factors(

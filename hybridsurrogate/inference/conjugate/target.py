@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from dataclasses import dataclass, replace
-from typing import Self
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -101,10 +100,6 @@ class PowerScaledPosterior(Target):
     measured_power: float
     noise_prior: Prior
     scale: float
-
-    def with_model(self, model: MeasuredModel) -> Self:
-        """Return the same posterior of another model."""
-        return replace(self, model=model)
 
     @abstractmethod
     def run_statistics(self, hyper: FloatArray) -> Statistics | None:

@@ -108,10 +108,13 @@ class Linearised:
             return [(self, np.ones(1))]
         everything = np.arange(len(self.H))
         nodes = [everything] if len(self.noise) == 1 else list(everything[:, None])
-        return [
-            (self.at(index)._over(factor), factor)
-            for index, factor in zip(nodes, self.noise, strict=True)
-        ]
+        out = []
+        for index, factor in zip(nodes, self.noise, strict=True):
+            some, column = self.at(index), factor[:, None]
+            G, H, U = some.G / column, some.H / column, some.U / column
+            unit = replace(some, mean=some.mean / factor, G=G, H=H, U=U, noise=None)
+            out.append((unit, factor))
+        return out
 
     def whitened(self, whiten: Callable[[FloatArray], FloatArray]) -> Linearised:
         """Return the model of rows ``whiten(rows)``, last axis, which no known covariance ties."""
@@ -119,17 +122,6 @@ class Linearised:
             return self
         G, H = (np.swapaxes(whiten(np.swapaxes(a, 1, 2)), 1, 2) for a in (self.G, self.H))
         return replace(self, mean=whiten(self.mean), G=G, H=H, U=self.U[:, :0])
-
-    def _over(self, factor: FloatArray) -> Linearised:
-        column = factor[:, None]
-        return replace(
-            self,
-            mean=self.mean / factor,
-            G=self.G / column,
-            H=self.H / column,
-            U=self.U / column,
-            noise=None,
-        )
 
 
 class Columns(NamedTuple):
@@ -157,14 +149,14 @@ class Columns(NamedTuple):
 def columns_at_nodes(model: MeasuredModel, X: FloatArray, grid: Grid, z: FloatArray) -> Columns:
     """Return the columns of all causes at every node."""
     before, values = range(len(model.effects) - 1), values_at_nodes(model, grid, z)
-    earlier = model.added_by(before, X, values[:1])[0]
+    earlier = model.added(X, values[:1], before)[0]
     earlier = earlier * model.column_sd[: earlier.shape[1]]
     process = bool(model.effects) and model.effects[-1].is_process
     last = range(len(before), len(model.effects))
 
     def scaled(block: FloatArray) -> tuple[FloatArray, ...]:
         # some nodes at a time, before they leave the processor's cache
-        curves = np.swapaxes(model.added_by(last, X, block), 1, 2)
+        curves = np.swapaxes(model.added(X, block, last), 1, 2)
         rms = _rms(curves, process)
         return curves / rms[:, :, None], rms
 
@@ -277,9 +269,8 @@ def _slopes_along(
         runs = np.tile(values, (piece.stop - piece.start, 1, 1))
         if in_simulation:
             runs[:, :, grid.nodes] = grid.points[piece, None, :]
-        response = model.close_by(
-            X, runs.reshape(len(runs) * len(points), len(z)), emulator.mean, len(points)
-        )
+        places = runs.reshape(len(runs) * len(points), len(z))
+        response, _ = model.output(X, places, emulator.mean, len(points))
         # a simulation may fail far out: NaN marks the place and is never better than another one
         response[~(np.abs(response) < _ABSURD)] = np.nan
         response = response.reshape(len(runs), len(points), len(X))

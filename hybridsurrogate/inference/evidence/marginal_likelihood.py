@@ -130,8 +130,13 @@ def node_products(
     for directions, weights, log_det in covariances:
         blocks = plain
         if weights.size:
-            rows, columns, shared = (_along(v, directions) for v in (seen.rows, H, seen.shared))
-            blocks = plain.less(_Blocks.of(rows, columns, shared, weights**2))
+            # along the directions, (..., n) to (..., r)
+            rows, columns, shared = (
+                (v.reshape(-1, len(directions)) @ directions).reshape(*v.shape[:-1], len(weights.T))
+                for v in (seen.rows, H, seen.shared)
+            )
+            along = _Blocks.of(rows, columns, shared, weights**2)
+            blocks = _Blocks(*(a - b for a, b in zip(plain, along, strict=True)))
         yield _without_parameters(seen, blocks, sigma, log_det, squared, rounding)
 
 
@@ -185,12 +190,6 @@ def _coefficients(G: FloatArray, sigma: float) -> FloatArray:
     return np.swapaxes(inverse, 1, 2) @ inverse
 
 
-def _along(values: FloatArray, directions: FloatArray) -> FloatArray:
-    """Return values (..., n) along the directions (n, r), (..., r)."""
-    flat = values.reshape(-1, values.shape[-1]) @ directions
-    return flat.reshape(*values.shape[:-1], directions.shape[1])
-
-
 class _Blocks(NamedTuple):
     """Products of rows S (M, s, n), columns H (T, q, n) and shared parts of responses (R, n)."""
 
@@ -235,9 +234,6 @@ class _Blocks(NamedTuple):
             with_rows,
             with_columns,
         )
-
-    def less(self, other: _Blocks) -> _Blocks:
-        return _Blocks(*(a - b for a, b in zip(self, other, strict=True)))
 
 
 def _without_parameters(

@@ -246,7 +246,11 @@ def _line(
     for position, nodes in places:
         # with the others held: how the density falls off where they follow is the mode's affair
         sd = float(precision[position, position] ** -0.5)
-        z = _points_around(mode.mean[position], sd, nodes)
+        # close around the mode, with the nodes between
+        centre = mode.mean[position]
+        away = np.geomspace(sd / SETTINGS.bins, 2 * SETTINGS.prior_end, SETTINGS.line_points)
+        z = np.unique(np.concatenate([centre - away, [centre], centre + away, nodes]))
+        z = z[np.abs(z) <= SETTINGS.prior_end]
         edges, log_mass = _cells(z, target.search_density(_along(mode.mean, position, z)))
         share = np.exp(log_mass - special.logsumexp(log_mass))
         normal = np.diff(special.ndtr((edges - mode.mean[position]) / sd))
@@ -258,13 +262,6 @@ def _line(
     bins = _bins(target, mode, *chosen)
     mass = special.logsumexp([part.log_mass for part in bins])
     return Line(replace(mode, log_mass=float(mass)), bins, chosen[0])
-
-
-def _points_around(centre: float, sd: float, nodes: FloatArray) -> FloatArray:
-    """Return points on a line, close around the centre, with the nodes between them."""
-    away = np.geomspace(sd / SETTINGS.bins, 2 * SETTINGS.prior_end, SETTINGS.line_points)
-    z = np.concatenate([centre - away, [centre], centre + away, nodes])
-    return np.unique(z[np.abs(z) <= SETTINGS.prior_end])
 
 
 def _cells(z: FloatArray, value: FloatArray) -> tuple[FloatArray, FloatArray]:

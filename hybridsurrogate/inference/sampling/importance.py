@@ -20,9 +20,6 @@ from hybridsurrogate.numerics.linear_algebra import SINGULAR
 from hybridsurrogate.numerics.psis import KHAT_LIMIT, level_smooth, pareto_smooth
 from hybridsurrogate.types import FloatArray
 
-# indices of points
-Cell = NDArray[np.intp]
-
 _DEGREES_OF_FREEDOM = 5.0
 # of its standard deviations: at 1.0, those of 176 fresh densities are off by 0.004 (standard error
 # 0.001) more on average
@@ -94,14 +91,6 @@ def _shares(components: list[Gaussian]) -> FloatArray:
     least = min(SETTINGS.least_proposed, 0.5 / len(components))
     share = np.maximum(np.exp(mass - np.logaddexp.reduce(mass)), least)
     return share / share.sum()
-
-
-def _cells_of(modes: Sequence[Gaussian], points: FloatArray) -> list[Cell]:
-    """Return which points (J, d) are nearest to which mode; all are one cell without modes."""
-    if len(modes) < 2:
-        return [np.arange(len(points))]
-    nearest = _student_log_density(modes, points).argmax(axis=0)
-    return [np.flatnonzero(nearest == k) for k in range(len(modes))]
 
 
 def matched(points: FloatArray, weight: FloatArray, components: list[Gaussian]) -> list[Gaussian]:
@@ -225,16 +214,16 @@ def importance_draws(
     # with coefficients among the unknowns each value is optimised: what can be trusted is enough
     good = KHAT_LIMIT if n_noise else SETTINGS.good_khat
     for round_ in range(max_rounds):
-        rounds.append(_drawn(components, scale, n_proposals, n_noise, random_state))
+        drawn = mixture_points(components, n_proposals, random_state)
+        noise = scale * random_state.standard_normal((n_proposals, n_noise))
+        rounds.append(_Round(np.hstack([drawn, noise]), components, scale))
         target = np.append(target, log_density(rounds[-1].points))
         points = np.concatenate([one.points for one in rounds])
         shaped = points[:, : points.shape[1] - n_noise]
         mixed = _mixed(mixed, rounds, points, n_noise)
         log_proposal = mixed - np.log(len(rounds))
         log_weight = target - log_proposal
-        cells = _cells_of(modes, shaped)
-        smoothed, khats = _smoothed_by_cell(log_weight, cells)
-        khat = max(khats)
+        smoothed, khat = _smoothed(log_weight, shaped, modes)
         weight = np.exp(smoothed - special.logsumexp(smoothed))
         effective = float(1 / np.sum(weight**2))
         enough = effective >= SETTINGS.enough_effective * n_proposals
@@ -267,18 +256,6 @@ class _Round(NamedTuple):
     scale: float
 
 
-def _drawn(
-    components: list[Gaussian],
-    scale: float,
-    n: int,
-    n_noise: int,
-    random_state: np.random.RandomState,
-) -> _Round:
-    points = mixture_points(components, n, random_state)
-    noise = scale * random_state.standard_normal((n, n_noise))
-    return _Round(np.hstack([points, noise]), components, scale)
-
-
 def _mixed(
     before: FloatArray, rounds: Sequence[_Round], points: FloatArray, n_noise: int
 ) -> FloatArray:
@@ -296,23 +273,25 @@ def _round_log_density(one: _Round, points: FloatArray, n_noise: int) -> FloatAr
     d = points.shape[1] - n_noise
     squares = np.einsum("jk,jk->j", points[:, d:], points[:, d:])
     shaped = mixture_log_density(one.components, points[:, :d])
-    return shaped + _noise_log_density(squares, n_noise, one.scale)
+    # of n_noise normal variables of that scale
+    constant = n_noise * np.log(one.scale * np.sqrt(2 * np.pi))
+    return shaped - 0.5 * squares / one.scale**2 - constant
 
 
-def _smoothed_by_cell(log_weight: FloatArray, cells: list[Cell]) -> tuple[FloatArray, list[float]]:
-    """Return log weights, smoothed in each cell, and the k-hat of each."""
-    out = log_weight.copy()
-    khats = []
-    for cell in cells:
+def _smoothed(
+    log_weight: FloatArray, points: FloatArray, modes: Sequence[Gaussian]
+) -> tuple[FloatArray, float]:
+    """Return log weights of points (J, d), smoothed in the cell of each mode; the largest k-hat."""
+    nearest = np.zeros(len(points))
+    if len(modes) > 1:
+        nearest = _student_log_density(modes, points).argmax(axis=0)
+    out, khats = log_weight.copy(), []
+    for k in range(max(len(modes), 1)):
+        cell = np.flatnonzero(nearest == k)
         khats.append(np.inf)
         if np.count_nonzero(np.isfinite(log_weight[cell])) >= LEAST_EFFECTIVE:
             out[cell], khats[-1] = level_smooth(log_weight[cell])
-    return out, khats
-
-
-def _noise_log_density(squares: FloatArray, d: int, scale: float) -> FloatArray:
-    """Return the log density of d normal variables of a scale at squared distances from 0."""
-    return -0.5 * squares / scale**2 - d * np.log(scale * np.sqrt(2 * np.pi))
+    return out, max(khats)
 
 
 def _systematic_resample(

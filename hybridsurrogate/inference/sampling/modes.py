@@ -36,7 +36,7 @@ def starting_points(
     """Return points u from which an optimiser should climb: best prior draws, best nodes."""
     model = target.model
     bare = replace(model, effects=())
-    base = _best_prior_points(target.with_model(bare), random_state)
+    base = _best_prior_points(replace(target, model=bare), random_state)
     if not model.effects:
         return base
     z, z_hyper = np.split(base[0, :-1], [model.n_parameters])
@@ -103,18 +103,6 @@ def further_points(target: Target, mode: FloatArray) -> FloatArray:
     return np.concatenate(out)
 
 
-def _noise_levels(target: PowerScaledPosterior) -> FloatArray:
-    """Return log noise scales to start from, spread over what data may have and the prior allows.
-
-    A prior that knows the noise may have no mass at any of a few shares of the spread.
-    """
-    sigma = target.scale * np.array([1e-3, 0.03, 0.1, 0.3, 1.0])
-    low, high = target.noise_prior.ppf([1e-3, 1 - 1e-3])
-    if not ((low < sigma) & (sigma < high)).any():
-        sigma = target.noise_prior.ppf([0.05, 0.25, 0.5, 0.75, 0.95])
-    return np.log(np.maximum(sigma, 1e-300))
-
-
 def _best_prior_points(
     target: PowerScaledPosterior, random_state: np.random.RandomState
 ) -> FloatArray:
@@ -128,7 +116,12 @@ def _best_prior_points(
     else:
         z = random_state.standard_normal((1 + 40 * d, d))
         z[0], z[1::2] = 0.0, 2.5 * z[1::2]
-    log_sigma = _noise_levels(target)
+    sigma = target.scale * np.array([1e-3, 0.03, 0.1, 0.3, 1.0])
+    # a prior that knows the noise may have no mass at any of a few shares of the spread
+    low, high = target.noise_prior.ppf([1e-3, 1 - 1e-3])
+    if not ((low < sigma) & (sigma < high)).any():
+        sigma = target.noise_prior.ppf([0.05, 0.25, 0.5, 0.75, 0.95])
+    log_sigma = np.log(np.maximum(sigma, 1e-300))
     grid = np.concatenate(
         [np.repeat(z, len(log_sigma), axis=0), np.tile(log_sigma, len(z))[:, None]], axis=1
     )
@@ -198,12 +191,13 @@ def find_modes(
             "The log density is minus infinity at every starting point: the priors and the data "
             "contradict each other, or the simulation fails everywhere. Check priors and units."
         )
-
-    def any_start(points: FloatArray, _: NDArray[np.intp]) -> FloatArray:
-        return log_density(points)
-
     x, value, hessian = optimise_density(
-        any_start, x[alive], value[alive], step_share, prune=True, least_step=least_step
+        lambda points, _: log_density(points),
+        x[alive],
+        value[alive],
+        step_share,
+        prune=True,
+        least_step=least_step,
     )
     if np.spacing(np.abs(value.max())) > SETTINGS.mode_gain:
         raise ValueError(
@@ -211,7 +205,11 @@ def find_modes(
             "hides how it changes: the data are further from the simulation than any noise that "
             "its prior allows. Check that both have the same units and the same transformation."
         )
-    return distinct(_approximations(x, value, hessian))
+    factor = factors(hessian)
+    log_det = np.log(np.diagonal(factor, axis1=1, axis2=2)).sum(axis=1)
+    log_mass = value + log_det + 0.5 * x.shape[1] * np.log(2 * np.pi)
+    order = np.argsort(-value)
+    return distinct([Gaussian(x[k].copy(), factor[k], float(log_mass[k])) for k in order])
 
 
 def optimise_density(
@@ -306,14 +304,6 @@ def _newton_move(gradient: FloatArray, hessian: FloatArray, damping: FloatArray)
     move = np.einsum("jki,ji->jk", vector, along)
     length = np.linalg.norm(move, axis=1, keepdims=True)
     return move * np.minimum(1.0, 2.0 / np.maximum(length, 1e-300))
-
-
-def _approximations(x: FloatArray, value: FloatArray, hessian: FloatArray) -> list[Gaussian]:
-    factor = factors(hessian)
-    log_det = np.log(np.diagonal(factor, axis1=1, axis2=2)).sum(axis=1)
-    log_mass = value + log_det + 0.5 * x.shape[1] * np.log(2 * np.pi)
-    order = np.argsort(-value)
-    return [Gaussian(x[k].copy(), factor[k], float(log_mass[k])) for k in order]
 
 
 def factors(hessian: FloatArray) -> FloatArray:

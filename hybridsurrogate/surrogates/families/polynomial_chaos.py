@@ -149,9 +149,8 @@ class _ChaosBasis(Basis):
         return np.full(len(X), self.location)
 
     def features(self, X: FloatArray, omega: FloatArray) -> FloatArray:
-        out = self._terms_of_inputs(X) * self._terms_of_parameters(omega)
-        out[:, 0] = 1.0  # the intercept multiplies 1, not the product of the phi_0
-        return out
+        _, of_inputs, of_parameters = self.factors(X, omega)
+        return of_inputs * of_parameters
 
     def output(self, X: FloatArray, omega: FloatArray, c: FloatArray) -> FloatArray:
         # terms that share their polynomials of the inputs, or of the parameters, are added up first
@@ -160,24 +159,18 @@ class _ChaosBasis(Basis):
         table = np.zeros((len(inputs), len(parameters)))
         table[row.ravel()[1:], column.ravel()[1:]] = c[1:]
         of_inputs = _products(X, self.ranges[: self.n_inputs], inputs)
-        of_parameters = _products(self._held(omega), self.ranges[self.n_inputs :], parameters)
+        ranges = self.ranges[self.n_inputs :]
+        of_parameters = _products(np.clip(omega, *ranges.T), ranges, parameters)
         interaction = np.einsum("nk,nk->n", of_inputs @ table, of_parameters)
         return interaction + c[0] + self.location
 
     def factors(self, X: FloatArray, omega: FloatArray) -> Factors:
-        of_inputs, of_parameters = self._terms_of_inputs(X), self._terms_of_parameters(omega)
+        n, ranges = self.n_inputs, self.ranges[self.n_inputs :]
+        of_inputs = _products(X, self.ranges[:n], self.powers[:, :n])
+        of_parameters = _products(np.clip(omega, *ranges.T), ranges, self.powers[:, n:])
+        # the intercept multiplies 1, not the product of the phi_0
         of_inputs[:, 0] = of_parameters[:, 0] = 1.0
         return Factors(np.full(len(X), self.location), of_inputs, of_parameters)
-
-    def _terms_of_inputs(self, X: FloatArray) -> FloatArray:
-        return _products(X, self.ranges[: self.n_inputs], self.powers[:, : self.n_inputs])
-
-    def _terms_of_parameters(self, omega: FloatArray) -> FloatArray:
-        ranges = self.ranges[self.n_inputs :]
-        return _products(self._held(omega), ranges, self.powers[:, self.n_inputs :])
-
-    def _held(self, omega: FloatArray) -> FloatArray:
-        return np.clip(omega, *self.ranges[self.n_inputs :].T)
 
 
 def _products(points: FloatArray, ranges: FloatArray, powers: NDArray[np.int_]) -> FloatArray:

@@ -1,6 +1,7 @@
 """A cause and noise that neighbouring rows share: the one is no rival of the other."""
 
 import warnings
+from dataclasses import replace
 
 import numpy as np
 import pandas as pd
@@ -68,17 +69,16 @@ def test_noise_is_as_likely_correlated_beside_a_cause_as_beside_nothing():
     path = next(w for w in found.candidates if w.cause and w.cause.is_correlated_noise)
     offset = next(w for w in found.candidates if w.cause and w.cause.kind == "offset")
     gained = 7.0
-    weighed = found.reweighed(
-        [
-            none._replace(log_evidence=0.0),
-            path._replace(log_evidence=gained, log_evidence_with_remainder=-np.inf),
-            offset._replace(
-                log_evidence=2.0,
-                log_evidence_with_remainder=-np.inf,
-                log_evidence_with_noise=2.0 + gained,
-            ),
-        ]
-    )
+    candidates = [
+        none._replace(log_evidence=0.0),
+        path._replace(log_evidence=gained, log_evidence_with_remainder=-np.inf),
+        offset._replace(
+            log_evidence=2.0,
+            log_evidence_with_remainder=-np.inf,
+            log_evidence_with_noise=2.0 + gained,
+        ),
+    ]
+    weighed = replace(found, candidates=candidates)
     odds_beside_nothing = weighed.probability[1] / weighed.probability[0]
     odds_beside_offset = weighed.correlated[2] / (1 - weighed.correlated[2])
     assert odds_beside_offset == pytest.approx(odds_beside_nothing)

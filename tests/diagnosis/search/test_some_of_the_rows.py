@@ -65,9 +65,8 @@ def at_one_end():
 def test_what_all_rows_lack_is_compared_as_from_scratch(at_one_end):
     """Some of the rows may put a parameter at the end of its prior."""
     whole, context, causes = at_one_end
-    lacking = whole.reweighed(
-        [w for w in whole.candidates if w.cause is None or w.cause.kind != "bump"]
-    ).over(context.problem.model, causes)
+    others = [w for w in whole.candidates if w.cause is None or w.cause.kind != "bump"]
+    lacking = replace(whole, candidates=others).over(context.problem.model, causes)
     near, anew = search(context, causes, nearby=lacking), search(context, causes)
     bumps = [[w.log_evidence for w in one.candidates if w.kind == "bump"] for one in (near, anew)]
     np.testing.assert_allclose(*bumps, atol=0.1)

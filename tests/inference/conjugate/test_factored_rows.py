@@ -6,7 +6,7 @@ from problems import make_problem
 from scipy import stats
 
 import hybridsurrogate as hs
-from hybridsurrogate.inference.conjugate.factored_rows import FactoredRows, are_products
+from hybridsurrogate.inference.conjugate.factored_rows import FactoredRows
 from hybridsurrogate.model.observation import MeasuredModel
 
 SIMULATOR = hs.Simulator(
@@ -35,18 +35,17 @@ def test_gram_matrices_are_those_of_the_rows(surrogate, effects, n_products):
         SIMULATOR if isinstance(surrogate, hs.ExactSurrogate) else SIMULATOR.run(40, random_state=0)
     )
     model = make_problem(simulation, surrogate, hs.Normal(), None, effects, ("t",), X, y).model
-    products = are_products(model)
-    assert np.count_nonzero(products) == n_products
+    root = np.sqrt(np.linspace(0.5, 2, 50))
+    factored = FactoredRows(model, X, y, root)
+    assert np.count_nonzero(factored.products) == n_products
     if not n_products:
         return
     z = np.random.default_rng(0).standard_normal((7, model.n_unknowns))
     values = model.values(z)
     parts = model.parts(X, values)
     rows = np.concatenate([parts.features, parts.columns, (y - parts.known)[..., None]], axis=2)
-    root = np.sqrt(np.linspace(0.5, 2, 50))
     rows *= root[:, None]
     expected = np.swapaxes(rows, 1, 2) @ rows
-    factored = FactoredRows(model, X, y, root)
     assert factored.of_rows.shape[1] == n_products
     np.testing.assert_allclose(
         factored.gram(values), expected, rtol=1e-9, atol=1e-12 * expected.max()
