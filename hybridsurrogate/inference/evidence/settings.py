@@ -71,10 +71,8 @@ class SearchSettings:
         92 % rightly.
     same_mode : int
         Cells to either side of the best node that belong to the same mode.
-    set_mass, named : float
-        Probability of the reported set of kinds (a cause that has it alone, without residual
-        structure, is not compared with others again), and from which one cause is named: three
-        times as probable as all alternatives together.
+    named : float
+        Probability from which one cause is named: three times that of all alternatives together.
     furthest_place, longest_step : float
         Of unknowns when a cause is optimised, in prior standard deviations: the furthest place and
         the longest step.
@@ -122,7 +120,6 @@ class SearchSettings:
     worth_a_turn: float = 0.3
     backfitting_rounds: int = 2
     same_mode: int = 6
-    set_mass: float = 0.9
     named: float = 0.75
     furthest_place: float = 6.0
     longest_step: float = 1.5
