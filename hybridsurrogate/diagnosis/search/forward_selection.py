@@ -198,7 +198,7 @@ def _backfitted(steps: Sequence[SearchStep], causes: Sequence[Cause]) -> list[Se
         return out
     joint = out[named[-1]]
     stale = set(named[:-1])
-    for k in named * SETTINGS.backfitting_rounds:
+    for k in named * SETTINGS.rounds:
         if k not in stale:
             continue
         found = _without(out[k].chosen, joint, causes)

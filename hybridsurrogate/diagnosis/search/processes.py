@@ -27,10 +27,6 @@ from hybridsurrogate.model.problem import Problem
 from hybridsurrogate.numerics.linear_algebra import NEGLIGIBLE
 from hybridsurrogate.types import FloatArray
 
-# rounds of expectation and maximisation: in six cases the first gained 1.4 to 9 nats for the cause
-# of most evidence, the second up to 0.3, further ones less than 0.03
-_ROUNDS = 2
-
 
 def at_noise_of(problem: Problem, posterior: Posterior) -> Problem:
     """Return the problem with the ratios of noise that a posterior has, at their medians."""
@@ -69,7 +65,8 @@ def _best(result: Search, w: Candidate) -> Fitted:
     """Return the fit of a cause with separate ratios of noise."""
     if not np.isfinite(w.fit.mode.objective):
         return w.fit
-    for _ in range(_ROUNDS):
+    # of expectation and maximisation
+    for _ in range(SETTINGS.rounds):
         ratios, sigma = _updated(result, w)
         model, grid, mode, _ = w.fit
         model = _with_ratios(model, ratios)
