@@ -24,6 +24,7 @@ from hybridsurrogate.diagnosis.report.report import Report, Reported
 from hybridsurrogate.diagnosis.report.summary import plain
 from hybridsurrogate.numerics import digits
 from hybridsurrogate.plotting.scores import plot_comparison
+from hybridsurrogate.scoring.scores import COVERAGE_LEVEL
 
 
 def _report_of(found: SimulationComparison, full: bool) -> Report:
@@ -147,10 +148,6 @@ def _drawn(table: pd.DataFrame) -> Drawn:
     )
 
 
-# probability with which one of the simulations is chosen
-CHOSEN = 0.9
-
-
 @dataclass(frozen=True, eq=False)
 class SimulationComparison(Reported):
     """Several simulations of the same measurements compared.
@@ -204,7 +201,7 @@ class SimulationComparison(Reported):
     def chosen(self) -> str | None:
         """The simulation with a probability of more than 0.9 among these; None without one."""
         first = self.table.iloc[0]
-        return str(first.name) if first["probability"] > CHOSEN else None
+        return str(first.name) if first["probability"] > COVERAGE_LEVEL else None
 
     @property
     def all_wrong(self) -> bool | None:

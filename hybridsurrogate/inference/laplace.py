@@ -19,7 +19,6 @@ from hybridsurrogate.inference.sampling.settings import SETTINGS
 from hybridsurrogate.likelihoods.base import Likelihood
 from hybridsurrogate.model.rows.measured_data import ObservedRows, SimulatedRows
 from hybridsurrogate.model.statistics import (
-    ROUNDING,
     Statistics,
     prior_log_density,
     prior_of_unknowns,
@@ -300,7 +299,7 @@ class LaplacePosterior(PowerScaledPosterior):
         power = self.measured_power * float(self.weights.sum())
         if self.runs is not None:
             power += self.simulation_power * float(np.sum(self.runs.weights))
-        return prior - 0.5 * power * (ROUNDING * self.scale / np.exp(u[:, -1])) ** 2
+        return prior - 0.5 * power * (NEGLIGIBLE * self.scale / np.exp(u[:, -1])) ** 2
 
     def _design(self, u: FloatArray, truncated: bool) -> Design:
         """Return what is linear in v, for the runs and for the measured rows."""

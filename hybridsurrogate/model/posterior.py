@@ -27,6 +27,9 @@ from hybridsurrogate.types import FloatArray
 MIN_EFFECTIVE = 100.0
 # step 2 is doubtful with fewer effective proposals, or accepted moves, a draw
 LEAST_EFFECTIVE = 10.0
+# draws that suffice for a mean, for the best of them, for a start, for averages over less probable
+# causes, and for scores whose difference counts: at many weights, or without one row
+FEW_DRAWS = 200
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from hybridsurrogate.numerics.linear_algebra import LARGE_BLOCK, blocks
+from hybridsurrogate.numerics.linear_algebra import LARGE_BLOCK, NEGLIGIBLE, blocks
 from hybridsurrogate.surrogates.basis import Basis
 from hybridsurrogate.types import FloatArray, Prior
 
@@ -46,11 +46,6 @@ def prior_of_unknowns(u: FloatArray, noise_prior: Prior) -> FloatArray:
         return prior_log_density(u[:, :-1]) + noise_prior.logpdf(sigma) + u[:, -1]
 
 
-# a fit can be exact to the last digit (a polynomial fitted to a polynomial): this share of the
-# output's spread stands for the rounding of the numbers and keeps sigma away from zero
-ROUNDING = 1e-6
-
-
 @dataclass(frozen=True)
 class Statistics:
     """Sufficient statistics of rows ``y = features @ c + noise``: all that a fit needs of them."""
@@ -69,7 +64,7 @@ def statistics(
     if weights is not None:
         n = float(weights.sum())
         features, y = features * np.sqrt(weights)[:, None], y * np.sqrt(weights)
-    rounding = n * (ROUNDING * scale) ** 2
+    rounding = n * (NEGLIGIBLE * scale) ** 2
     return Statistics(n, features.T @ features, features.T @ y, float(y @ y) + rounding)
 
 

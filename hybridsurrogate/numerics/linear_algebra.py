@@ -66,7 +66,9 @@ def each_with_each(X: FloatArray, omega: FloatArray) -> tuple[FloatArray, FloatA
 
 # smallest of the eigenvalues, as a share of the largest, that rounding leaves positive
 SINGULAR = 1e-12
-# of the largest variance, or of a range: what is less changes no digit that is read
+# of the largest variance, or of a range: what is less changes no digit that is read. Of the spread
+# of the output it stands for the rounding of the numbers, and keeps sigma away from zero: a fit can
+# be exact to the last digit (a polynomial fitted to a polynomial)
 NEGLIGIBLE = 1e-6
 
 

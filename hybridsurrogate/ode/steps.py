@@ -17,7 +17,7 @@ from hybridsurrogate.types import FloatArray
 
 # steps over the range of time: from 400 instead of 100 on diagnoses take 2.3 times as long, and
 # evidences are the same to 0.01 nats (eight blind cases of three equations)
-_FEWEST, _MOST = 100, 6400
+FEWEST, _MOST = 100, 6400
 # steps from which those of a method for stiff equations, about as many times dearer, are tried
 _QUICK = 1600
 # in which the sizes of states settle
@@ -128,7 +128,7 @@ def _ladder(function: OdeFunction, columns: StateColumns, span: float, most: int
     def solved(n_steps: int) -> FloatArray:
         return _solved(replace(function, step=span / n_steps), columns)
 
-    n_steps, before = _FEWEST, np.inf
+    n_steps, before = FEWEST, np.inf
     coarse, fine = solved(n_steps // 2), solved(n_steps)
     # a solution that fails may need shorter steps, or break down whatever the step
     known = _known(fine)

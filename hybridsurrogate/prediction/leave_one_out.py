@@ -40,7 +40,7 @@ from hybridsurrogate.inference.procedure import (
 )
 from hybridsurrogate.inference.sampling.ensembles import FROM_DRAWS, FROM_NEAR, EnsembleSampler
 from hybridsurrogate.inference.sampling.modes import Gaussian
-from hybridsurrogate.model.posterior import Posterior
+from hybridsurrogate.model.posterior import FEW_DRAWS, Posterior
 from hybridsurrogate.model.problem import Problem
 from hybridsurrogate.model.rows.measured_data import MeasuredData
 from hybridsurrogate.notebook import counted
@@ -116,8 +116,8 @@ def _of_some(
 
 
 Powers = tuple[float, float | FloatArray]  # of the likelihoods of both sources
-# draws of coefficients that suffice for a row that is fitted anew, and of step 2 for each of them
-_DRAWS, _REPEATS = 200, 8
+# draws of step 2 for each of a few draws of the coefficients
+_REPEATS = 8
 
 
 class _Starts(NamedTuple):
@@ -279,7 +279,7 @@ class _LeavingOut:
         else:
             n_coefficients = fit.first.coefficients.shape[1] + len(problem.model.column_sd)
             # so many that their matrices, and all of them with each other, fit into a block
-            most = np.clip(LARGE_BLOCK / max(n_coefficients, 1) ** 2, _DRAWS, LARGE_BLOCK**0.5)
+            most = np.clip(LARGE_BLOCK / max(n_coefficients, 1) ** 2, FEW_DRAWS, LARGE_BLOCK**0.5)
             some = np.linspace(0, len(first) - 1, min(int(most), len(first))).astype(int)
             starts = self._repeats(some)
             of_first = fit.first.take(starts.draw), fit.unknowns[starts.draw]
@@ -345,7 +345,7 @@ class _LeavingOut:
             The same of the repeats, given their draw of step 1.
         """
         fit, random = self.fit, self.random_state
-        n = min(fit.first.n_draws, _DRAWS)
+        n = min(fit.first.n_draws, FEW_DRAWS)
         smoothed, khat = pareto_smooth(log_weight) if np.ptp(log_weight) else (0 * log_weight, 0.0)
         of_first = smoothed[some][:, None] - special.logsumexp(kept, axis=1, keepdims=True)
         share = special.softmax((kept + of_first).ravel())
@@ -354,7 +354,7 @@ class _LeavingOut:
         near = near_draws(starts.u, share), near_draws(starts.u, equal)
         if khat <= khat_limit(len(log_weight)):
             return _Step(fit.first.take(begun.draw), fit.unknowns[begun.draw], begun, near)
-        step = carried_step(without, powers, fit.proposals, n, _REPEATS * _DRAWS, random)
+        step = carried_step(without, powers, fit.proposals, n, _REPEATS * FEW_DRAWS, random)
         if step is None:
             target = make_target(without, *powers_used(without, powers))
             step = first_step(target, self.sampler, n, random)
@@ -383,8 +383,8 @@ class _LeavingOut:
 
     def _fit_without(self, without: Problem, powers: Powers) -> Posterior:
         """Return draws given all rows but one, from those given all of them where these serve."""
-        n, random = min(self.fit.first.n_draws, 2 * _DRAWS), self.random_state
-        known = carried(without, powers, self.fit.proposals, n, _REPEATS * _DRAWS, random)
+        n, random = min(self.fit.first.n_draws, 2 * FEW_DRAWS), self.random_state
+        known = carried(without, powers, self.fit.proposals, n, _REPEATS * FEW_DRAWS, random)
         if known is None:
             known = fit_problem(without, powers, self.sampler, n, random)
         return known.second

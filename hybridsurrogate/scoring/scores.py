@@ -347,7 +347,7 @@ def _standard_error(values: FloatArray) -> float:
     return float(values.std(ddof=1) / np.sqrt(len(values)))
 
 
-# of predictive intervals
+# of predictive intervals, and of the set of causes or simulations that are left
 COVERAGE_LEVEL = 0.9
 # of y, behind a continuous ranked probability score
 _N_DRAWS = 1000

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import special
 
-from hybridsurrogate.diagnosis.search.candidate import Candidate
+from hybridsurrogate.diagnosis.search.candidate import LEAST_PROBABLE, Candidate
 from hybridsurrogate.diagnosis.search.forward_selection import SearchStep
 from hybridsurrogate.diagnosis.search.search import Search, predict_jointly
 from hybridsurrogate.effects import InOutput, Remainder
@@ -54,9 +54,12 @@ def with_remainder(
     return after.with_prior_only([InOutput(one, name) if name else one for name, one in remainders])
 
 
-# alternatives that matter to the answer, and nodes of each (a period, a location) that matter to it
-_MOST_ALTERNATIVES, _LEAST_PROBABLE = 6, 0.003
-_MOST_NODES, _LEAST_NODE = 4, 0.05
+# alternatives, and nodes of each (a period, a location), that an answer looks at
+_MOST_ALTERNATIVES, _MOST_NODES = 6, 4
+# what is less probable is not averaged over: on cases outside the catalogue that costs 0.01 nats a
+# row beyond the data (standard error 0.01), and takes less than half of the fits. Nor is a node of
+# a smaller share of the best one's evidence
+_LEAST = 0.05
 # Gauss and Legendre's three nodes of a remainder's amplitude, which is log-uniform
 _HEIGHTS, _SHARES = np.polynomial.legendre.leggauss(3)
 _AMPLITUDES = LEAST * (MOST / LEAST) ** ((_HEIGHTS + 1) / 2)
@@ -117,7 +120,7 @@ class Predictions(NamedTuple):
 def components_of(result: Search) -> list[Component]:
     """Return the alternatives that matter at the nodes that matter, most probable first."""
     order = np.argsort(-result.probability, kind="stable")[:_MOST_ALTERNATIVES]
-    matters = (np.arange(len(order)) < 2) | (result.probability[order] > _LEAST_PROBABLE)
+    matters = (np.arange(len(order)) < 2) | (result.probability[order] > LEAST_PROBABLE)
     # against overwhelming evidence an alternative's probability is too small for a number
     matters &= result.probability[order] > 0
     order = order[matters]
@@ -152,7 +155,7 @@ def _nodes(result: Search, w: Candidate) -> list[tuple[int | None, float]]:
     log_evidence = result.context.evidence_of_nodes(w.fit, result.sizes)
     share = special.softmax(log_evidence)
     order = np.argsort(-share)[:_MOST_NODES]
-    order = order[share[order] >= _LEAST_NODE * share[order[0]]]
+    order = order[share[order] >= _LEAST * share[order[0]]]
     return [(int(node), float(share[node] / share[order].sum())) for node in order]
 
 
@@ -205,10 +208,6 @@ def is_smooth(components: list[Component], alternative: NDArray[np.intp]) -> NDA
     smooth = {c.alternative for c in components if c.candidate.kind == "unexplained"}
     return np.isin(alternative, list(smooth))
 
-
-# what is less probable is not averaged over: on cases outside the catalogue that costs 0.01 nats a
-# row beyond the data (standard error 0.01), and takes less than half of the fits
-_LEAST = 0.05
 
 Causes = tuple[Cause, ...]
 

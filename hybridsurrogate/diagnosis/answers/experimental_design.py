@@ -19,6 +19,7 @@ from hybridsurrogate.diagnosis.answers.averaging import (
     is_smooth,
     predictions_at,
 )
+from hybridsurrogate.diagnosis.search.candidate import LEAST_PROBABLE
 from hybridsurrogate.diagnosis.search.search import Search
 from hybridsurrogate.model.observation import MeasuredModel
 from hybridsurrogate.model.posterior import Posterior
@@ -388,8 +389,8 @@ def _mutual(
     return np.maximum(weight @ gained, 0.0) / np.log(2)
 
 
-# draws of each posterior, places of them that count, probability below which alternatives do not
-_DRAWS, _PLACES, _UNLIKELY = 60, 500, 0.02
+# draws of each posterior, places of them that count
+_DRAWS, _PLACES = 60, 500
 
 
 def next_runs(
@@ -449,7 +450,7 @@ def _models(
         rows = np.unique(np.linspace(0, posterior.n_draws - 1, _DRAWS).astype(int))
         out.append((posterior.model, posterior.values[rows]))
     for w, probability in zip(result.candidates, result.probability, strict=True):
-        if probability > _UNLIKELY:
+        if probability > LEAST_PROBABLE:
             out.append((w.fit.model, w.fit.values))
     return out
 

@@ -22,12 +22,13 @@ from sklearn.base import clone
 from sklearn.utils import check_consistent_length
 
 from hybridsurrogate.diagnosis.answers.experimental_design import rows_as_table
+from hybridsurrogate.diagnosis.search.candidate import LEAST_PROBABLE
 from hybridsurrogate.diagnosis.search.search import Search
 from hybridsurrogate.estimators.averaged import AveragedSurrogate
 from hybridsurrogate.estimators.power_scaled import PowerScaledSurrogate
 from hybridsurrogate.likelihoods import Likelihood, TransformedNormal
 from hybridsurrogate.model.rows.measured_data import GivenRows, new_errors, without_gaps
-from hybridsurrogate.numerics.linear_algebra import blocks
+from hybridsurrogate.numerics.linear_algebra import LARGE_BLOCK, blocks
 from hybridsurrogate.simulation.arrays import as_numbers, complete_table
 from hybridsurrogate.types import FloatArray
 
@@ -35,12 +36,8 @@ from hybridsurrogate.types import FloatArray
 _SHIFTS, _SPREADS = (1.0, 3.0), (2.0, 4.0)
 # the draws are made anew, with the measurements so far, where they are worth fewer
 _LEAST_DRAWS, _LEAST_SHARE = 100.0, 0.25
-# what is averaged with less weight is not fitted anew
-_LEAST_WEIGHT = 1e-3
 # values of each draw, for the quantile under a likelihood that is not normal
 _VALUES = 20
-# rows at a time, so that memory stays bounded
-_MOST_ROWS = 2000
 
 
 @dataclass(frozen=True)
@@ -120,7 +117,9 @@ def monitored(
     if isinstance(estimator, AveragedSurrogate):
         models, shares = estimator.estimators_, estimator.weights_
     while True:
-        some = new.take(slice(first, first + _MOST_ROWS))
+        # rows at a time, so that memory stays bounded
+        n_draws = sum(one.posterior_.n_draws for one in models)
+        some = new.take(slice(first, first + max(LARGE_BLOCK // n_draws, 1)))
         deviation, n_rows, shares = _deviations(models, shares, some)
         parts.append(deviation)
         first += n_rows
@@ -128,7 +127,7 @@ def monitored(
         if first >= len(new.y) or np.any(odds >= limit):
             break
         so_far = joined(known, new.take(slice(first)))
-        kept = np.flatnonzero(shares > _LEAST_WEIGHT)
+        kept = np.flatnonzero(shares > LEAST_PROBABLE)
         models = [clone(models[k]).fit(*so_far) for k in map(int, kept)]
         shares = shares[kept]
     passed = np.flatnonzero(odds >= limit)

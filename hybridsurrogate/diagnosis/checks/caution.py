@@ -46,15 +46,14 @@ class CheckSettings:
         the parameter known. And rows outside a range from which nothing is diagnosed; noise that
         other columns must leave at most; the width of its prior that a parameter keeps where data
         inform it little; the share of a cause's curve below which only part of it, such as its
-        level, goes with a parameter.
+        level, goes with a parameter; the probability from which the
+        report states a smooth curve in addition to the causes, or the closest match as the fault.
     copied, nearly_copied : float
         A column whose correlation with the output is so little below one is the output; one above
         the second looks like it.
     far_gain, near_unit : float
         The factor between measured and simulated output from which the unit looks wrong; one this
         near a unit's, in logarithms, is called by its name.
-    draws : int
-        Of the priors that are compared with the output, and of a posterior behind a mean curve.
     far_off, most_far_off : float
         Robust standard deviations of the residuals beyond which a row is far off, and the share of
         the rows that may be without being a pattern.
@@ -72,7 +71,6 @@ class CheckSettings:
     nearly_copied: float = 0.9999
     far_gain: float = 5.0
     near_unit: float = 0.15
-    draws: int = 200
     far_off: float = 10.0
     most_far_off: float = 0.02
     large_jump: float = 0.25

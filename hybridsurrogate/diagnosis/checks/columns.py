@@ -21,6 +21,7 @@ from hybridsurrogate.diagnosis.search.candidate import Candidate
 from hybridsurrogate.diagnosis.search.search import Search
 from hybridsurrogate.effects.context import LEAST_EACH
 from hybridsurrogate.exceptions import DiagnosisWarning
+from hybridsurrogate.model.posterior import FEW_DRAWS
 from hybridsurrogate.model.problem import Problem
 from hybridsurrogate.model.rows.columns import column_names, experiments_of, matched_columns
 from hybridsurrogate.model.statistics import emulator_posterior
@@ -252,7 +253,7 @@ def _unit_of_output(problem: Problem) -> list[str]:
 def _simulated(problem: Problem) -> FloatArray:
     """Return simulated outputs (J, n) at draws of the priors, and at the best fit that is known."""
     model = problem.model
-    z = np.random.RandomState(0).standard_normal((SETTINGS.draws, model.n_unknowns))
+    z = np.random.RandomState(0).standard_normal((FEW_DRAWS, model.n_unknowns))
     z[0] = 0.0
     z = np.vstack([z, problem.good]) if len(problem.good) else z
     coefficients = emulator_posterior(model.basis, problem.simulation).mean

@@ -14,7 +14,7 @@ from sklearn.utils import check_consistent_length
 from hybridsurrogate.diagnosis.checks.caution import REPLICATES, SETTINGS, Caution
 from hybridsurrogate.diagnosis.checks.simulation import EmulatorCheck
 from hybridsurrogate.diagnosis.search.candidate import Candidate
-from hybridsurrogate.diagnosis.search.context import BLUR, FLOOR
+from hybridsurrogate.diagnosis.search.context import BLUR
 from hybridsurrogate.diagnosis.search.search import Search, predict_locally
 from hybridsurrogate.effects.noise.outliers import GrossError
 from hybridsurrogate.likelihoods import Likelihood
@@ -23,6 +23,7 @@ from hybridsurrogate.model.problem import Problem
 from hybridsurrogate.model.rows.measured_data import GivenRows, check_weights
 from hybridsurrogate.model.statistics import emulator_posterior
 from hybridsurrogate.numerics.digits import listing, number
+from hybridsurrogate.numerics.linear_algebra import NEGLIGIBLE
 from hybridsurrogate.priors import from_normal
 from hybridsurrogate.simulation.outputs import OUTPUT
 from hybridsurrogate.types import FloatArray
@@ -73,7 +74,7 @@ def copied_rows(X: FloatArray, y: FloatArray) -> list[Caution]:
 def check_digits(problem: Problem) -> None:
     """Raise ValueError for data so far from zero that doubles represent little of their spread.
 
-    What they lose must be less than the `FLOOR` below which noise is rounding.
+    What they lose must be less than the `NEGLIGIBLE` below which noise is rounding.
     """
     if np.ptp(problem.y) == 0:
         raise ValueError(
@@ -84,7 +85,7 @@ def check_digits(problem: Problem) -> None:
     names = ["measured outputs", *(f"values of {name!r}" for name in problem.model.columns)]
     for what, values in zip(names, [problem.y, *problem.X.T], strict=False):
         sd, lost = float(np.std(values)), float(np.spacing(np.max(np.abs(values))))
-        if np.ptp(values) > 0 and lost > FLOOR * sd:
+        if np.ptp(values) > 0 and lost > NEGLIGIBLE * sd:
             raise ValueError(
                 f"The {what} lie around {np.mean(values):g} with a standard deviation of {sd:g}, "
                 f"but double precision represents such numbers to {lost:g} only, too little for a "
@@ -131,7 +132,7 @@ def is_exact(result: Search) -> bool:
         if w.cause is None
         or (w.cause.changes_output and not w.cause.is_process and "noise" not in w.cause.acts_on)
     ]
-    return problem.likelihood.gaussian and (min(rest) <= SETTINGS.few * FLOOR * problem.scale)
+    return problem.likelihood.gaussian and (min(rest) <= SETTINGS.few * NEGLIGIBLE * problem.scale)
 
 
 def exact(result: Search) -> list[Caution]:
@@ -146,8 +147,8 @@ def exact(result: Search) -> list[Caution]:
     return [
         Caution(
             "noise",
-            f"{what} the measured output to about {FLOOR:g} of its spread: the data are exact, as "
-            "those of a computation are, and have no noise. Noise of "
+            f"{what} the measured output to about {NEGLIGIBLE:g} of its spread: the data are "
+            "exact, as those of a computation are, and have no noise. Noise of "
             f"{BLUR:g} of the spread was added for the search. A cause of that size may go unseen: "
             "add noise as large as the differences that matter, and diagnose again.",
         )
@@ -214,7 +215,7 @@ def _far_off(result: Search, missed: FloatArray) -> NDArray[np.intp]:
         here = of == output
         away = np.abs(missed[here] - np.median(missed[here]))
         sd = float(median_abs_deviation(missed[here], scale="normal"))
-        sd = max(sd, SETTINGS.few * FLOOR * problem.scale)
+        sd = max(sd, SETTINGS.few * NEGLIGIBLE * problem.scale)
         far[here] = away > SETTINGS.far_off * sd
     most = max(2, int(SETTINGS.most_far_off * len(missed)))
     rows = np.flatnonzero(far)

@@ -22,7 +22,7 @@ from hybridsurrogate.effects.base import Cause
 from hybridsurrogate.effects.registry import kinds
 from hybridsurrogate.estimators.power_scaled import PowerScaledSurrogate, as_causes
 from hybridsurrogate.exceptions import did_you_mean
-from hybridsurrogate.model.posterior import Posterior
+from hybridsurrogate.model.posterior import FEW_DRAWS, Posterior
 from hybridsurrogate.priors import prior_sd
 from hybridsurrogate.types import FloatArray
 
@@ -272,7 +272,7 @@ def _correlation(a: FloatArray, b: FloatArray) -> float:
 
 def _curve(before: Posterior, after: Posterior, position: int, X: FloatArray) -> FloatArray:
     """Return what one cause adds to eta at rows X, averaged over draws, (n,)."""
-    index = np.linspace(0, after.n_draws - 1, min(after.n_draws, SETTINGS.draws)).astype(int)
+    index = np.linspace(0, after.n_draws - 1, min(after.n_draws, FEW_DRAWS)).astype(int)
     draws, model = after.take(index), after.model
     others = [effect for k, effect in enumerate(model.effects) if k != position]
     theta = np.array([owner != position for owner, _ in model.theta_names], dtype=bool)

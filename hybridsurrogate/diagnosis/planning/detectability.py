@@ -36,13 +36,12 @@ from hybridsurrogate.estimators.emulation import as_given
 from hybridsurrogate.estimators.power_scaled import FitTask, PowerScaledSurrogate, prepared
 from hybridsurrogate.exceptions import HybridSurrogateWarning, did_you_mean
 from hybridsurrogate.likelihoods import Likelihood, as_likelihood
+from hybridsurrogate.model.posterior import FEW_DRAWS
 from hybridsurrogate.model.statistics import emulator_posterior
 from hybridsurrogate.numerics.linear_algebra import one_blas_thread
 from hybridsurrogate.simulation.arrays import as_numbers, complete_table
 from hybridsurrogate.types import FloatArray
 
-# draws of a fit that only has to start a search near the parameters
-_DRAWS = 100
 # draws from the priors for one at which the simulation runs
 _MOST_TRIED = 50
 
@@ -91,7 +90,7 @@ def places(
     for eta in outputs:
         sigma = np.tile(noise, eta.size // len(noise))[None]
         y = likelihood.sample(eta[None], sigma, random)[0]
-        one = clone(model).set_params(n_draws=_DRAWS, random_state=random.randint(2**31 - 1))
+        one = clone(model).set_params(n_draws=FEW_DRAWS, random_state=random.randint(2**31 - 1))
         with warnings.catch_warnings():
             # of data that are none, and of which nothing is reported
             warnings.simplefilter("ignore", HybridSurrogateWarning)

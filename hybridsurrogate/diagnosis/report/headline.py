@@ -8,6 +8,7 @@ from dataclasses import replace
 from typing import Any
 
 from hybridsurrogate.diagnosis.answers.finding import CauseFinding
+from hybridsurrogate.diagnosis.checks.caution import SETTINGS as CHECKS
 from hybridsurrogate.diagnosis.report.elements.tables import noise_of, unit_of
 from hybridsurrogate.diagnosis.report.elements.view import SETTINGS, View, label_of_cause
 from hybridsurrogate.effects.base import Cause
@@ -51,7 +52,7 @@ def headline(view: View) -> str:
         own = finding.kind, *finding.same_curve
         others = [kind for kind in result.indistinguishable if kind not in own]
         kinds = [finding.kind, *sorted(others, key=lambda kind: -shares[kind])]
-        shown = kinds[: SETTINGS.most_kinds]
+        shown = kinds[: SETTINGS.most_listed]
         left = len(kinds) - len(shown)
         more = f" or {left} others" if left > 1 else " or one other" if left else ""
         if len(shown) > 1 and not more:
@@ -61,7 +62,7 @@ def headline(view: View) -> str:
         return f"{_at_fault(view)} wrong, and the data leave open how: {choice}."
     sentence = sentence_of(view, finding, cause)
     right = result.conclusion.probability_right
-    if result.conclusion.verdict == "nearest" and right is not None and right < SETTINGS.likely:
+    if result.conclusion.verdict == "nearest" and right is not None and right < CHECKS.half:
         return f"{_at_fault(view)} wrong. The closest match: {_lower(sentence)}"
     return sentence
 

@@ -15,7 +15,7 @@ from hybridsurrogate.types import FloatArray
 
 # kinds that are no name for what is wrong
 NAMELESS = ("none", "unexplained")
-# less probable causes are not looked at again
+# less probable causes are not looked at again, not drawn, and not fitted to further data
 LEAST_PROBABLE = 0.01
 
 

@@ -32,11 +32,12 @@ from hybridsurrogate.model.observation import MeasuredModel, WorkingPoint
 from hybridsurrogate.model.posterior import Posterior
 from hybridsurrogate.model.problem import Problem
 from hybridsurrogate.model.statistics import EmulatorPosterior
+from hybridsurrogate.numerics.linear_algebra import NEGLIGIBLE
 from hybridsurrogate.priors import to_normal
 from hybridsurrogate.types import FloatArray
 
-# noise of data that have none, for a search: well above what it cannot see (`context.FLOOR`)
-BLUR = 1e-5
+# noise of data that have none, for a search: well above what it cannot see
+BLUR = 10 * NEGLIGIBLE
 
 
 def on_working_rows(problem: Problem, posterior: Posterior) -> Problem:
@@ -80,10 +81,6 @@ def blurred(problem: Problem) -> Problem:
     """
     noise = np.random.RandomState(0).standard_normal(len(problem.y))
     return replace(problem, y=problem.y + BLUR * problem.scale * noise)
-
-
-# noise below this share of the output's scale is rounding
-FLOOR = 1e-6
 
 
 class InterruptedSearch(KeyboardInterrupt):
@@ -203,7 +200,7 @@ class SearchContext:
         return optimise(*args, columns, self.slopes)
 
     def _possible(self, sigma: FloatArray) -> FloatArray:
-        least = FLOOR * self.problem.scale
+        least = NEGLIGIBLE * self.problem.scale
         return np.asarray(self.problem.possible_sigma(np.maximum(sigma, least)))
 
     def climb(
@@ -327,5 +324,5 @@ class SearchContext:
             return np.inf
         if problem.noise_is_known:
             return mode.objective
-        squares = max(mode.squares, len(problem.y) * (FLOOR * problem.scale) ** 2)
+        squares = max(mode.squares, len(problem.y) * (NEGLIGIBLE * problem.scale) ** 2)
         return float(len(problem.y) * np.log(squares) + mode.objective - mode.squares / sigma**2)

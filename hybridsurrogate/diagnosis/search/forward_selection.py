@@ -20,6 +20,7 @@ from hybridsurrogate.inference.evidence.settings import SETTINGS
 from hybridsurrogate.model.observation import MeasuredModel
 from hybridsurrogate.model.problem import Problem
 from hybridsurrogate.model.statistics import EmulatorPosterior
+from hybridsurrogate.scoring.scores import COVERAGE_LEVEL
 
 # rows that are searched first where there are at least twice as many: 0.5 to 0.7 of the time of
 # 2,500 rows with a cause, 1.2 to 1.3 without one; the same verdicts in 16 data sets of 8 kinds
@@ -197,7 +198,7 @@ def _backfitted(steps: Sequence[SearchStep], causes: Sequence[Cause]) -> list[Se
         return out
     joint = out[named[-1]]
     stale = set(named[:-1])
-    for k in named * SETTINGS.backfitting_rounds:
+    for k in named * SETTINGS.rounds:
         if k not in stale:
             continue
         found = _without(out[k].chosen, joint, causes)
@@ -306,7 +307,8 @@ def _look_ahead(
     waiting = named[: SETTINGS.looked_ahead]
     if (
         not ends_search(first_choice)
-        and result.probability[at] > SETTINGS.set_mass
+        # alone in its credible set
+        and result.probability[at] > COVERAGE_LEVEL
         and result.remainder[at] < 0.5
         # such noise imitates a second cause
         and result.correlated[at] < 0.5

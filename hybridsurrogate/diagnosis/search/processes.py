@@ -13,7 +13,7 @@ from dataclasses import replace
 import numpy as np
 
 from hybridsurrogate.diagnosis.search.candidate import LEAST_PROBABLE, Candidate, prior_of
-from hybridsurrogate.diagnosis.search.context import FLOOR, Fitted
+from hybridsurrogate.diagnosis.search.context import Fitted
 from hybridsurrogate.diagnosis.search.search import Search, measured_and_other, predict_locally
 from hybridsurrogate.effects.base import Cause
 from hybridsurrogate.effects.noise.noise import OutputNoise
@@ -24,11 +24,8 @@ from hybridsurrogate.inference.evidence.settings import SETTINGS
 from hybridsurrogate.model.observation import MeasuredModel
 from hybridsurrogate.model.posterior import Posterior
 from hybridsurrogate.model.problem import Problem
+from hybridsurrogate.numerics.linear_algebra import NEGLIGIBLE
 from hybridsurrogate.types import FloatArray
-
-# rounds of expectation and maximisation: in six cases the first gained 1.4 to 9 nats for the cause
-# of most evidence, the second up to 0.3, further ones less than 0.03
-_ROUNDS = 2
 
 
 def at_noise_of(problem: Problem, posterior: Posterior) -> Problem:
@@ -68,7 +65,8 @@ def _best(result: Search, w: Candidate) -> Fitted:
     """Return the fit of a cause with separate ratios of noise."""
     if not np.isfinite(w.fit.mode.objective):
         return w.fit
-    for _ in range(_ROUNDS):
+    # of expectation and maximisation
+    for _ in range(SETTINGS.rounds):
         ratios, sigma = _updated(result, w)
         model, grid, mode, _ = w.fit
         model = _with_ratios(model, ratios)
@@ -93,7 +91,7 @@ def _updated(result: Search, w: Candidate) -> tuple[tuple[float, ...], float]:
     which = problem.X[:, problem.stacking.at]
     outputs = range(len(problem.stacking.names))
     each = np.sqrt([np.mean(squares[which == k]) for k in outputs])
-    each = np.maximum(each, FLOOR * problem.scale)
+    each = np.maximum(each, NEGLIGIBLE * problem.scale)
     return tuple((each / each[0]).tolist()), float(each[0])
 
 

@@ -30,6 +30,7 @@ from hybridsurrogate.inference.evidence.marginal_likelihood import LocalMode, sc
 from hybridsurrogate.inference.evidence.settings import SETTINGS
 from hybridsurrogate.model.observation import MeasuredModel
 from hybridsurrogate.model.problem import Problem
+from hybridsurrogate.scoring.scores import COVERAGE_LEVEL
 from hybridsurrogate.types import FloatArray
 
 
@@ -267,7 +268,7 @@ class Search:
         """The kinds that together reach 90 % probability, most probable first."""
         ordered = sorted(self.kind_shares.items(), key=lambda item: -item[1])
         mass = np.cumsum([share for _, share in ordered])
-        enough = int(np.searchsorted(mass, SETTINGS.set_mass)) + 1
+        enough = int(np.searchsorted(mass, COVERAGE_LEVEL)) + 1
         return [kind for kind, _ in ordered[:enough]]
 
     def over(self, model: MeasuredModel, causes: Sequence[Cause]) -> Search | None:

@@ -24,16 +24,13 @@ from hybridsurrogate.estimators.power_scaled import FitTask, PowerScaledSurrogat
 from hybridsurrogate.exceptions import DiagnosisWarning
 from hybridsurrogate.inference.procedure import at_prior_ends
 from hybridsurrogate.model.context import check_effects
-from hybridsurrogate.model.posterior import Posterior
+from hybridsurrogate.model.posterior import FEW_DRAWS, Posterior
 from hybridsurrogate.model.problem import Problem
 from hybridsurrogate.model.statistics import EmulatorPosterior, emulator_posterior
 from hybridsurrogate.priors import to_normal
 from hybridsurrogate.simulation.arrays import is_whole
 from hybridsurrogate.simulation.simulator import SimulationData
 from hybridsurrogate.types import FloatArray
-
-# draws of the posterior of which the best is taken
-_TRIED = 200
 
 
 class Prepared(NamedTuple):
@@ -131,7 +128,7 @@ def _best_draw(fitted: PowerScaledSurrogate, problem: Problem) -> FloatArray:
     """Return the parameters of that draw of the posterior that fits best, as z (1, n)."""
     posterior = fitted.posterior_
     n = posterior.n_draws
-    some = posterior.take(np.unique(np.linspace(0, n - 1, min(n, _TRIED)).astype(int)))
+    some = posterior.take(np.unique(np.linspace(0, n - 1, min(n, FEW_DRAWS)).astype(int)))
     # a draw for which the simulation fails is far off
     with np.errstate(over="ignore", invalid="ignore"):
         precision = problem.weights / problem.model.known_noise(problem.X) ** 2

@@ -24,6 +24,7 @@ from hybridsurrogate.effects.base import Cause
 from hybridsurrogate.inference.evidence.grid import Grid, make_grid, with_cells
 from hybridsurrogate.inference.evidence.linearised import Linearised, linearised_pieces
 from hybridsurrogate.model.observation import MeasuredModel
+from hybridsurrogate.numerics.linear_algebra import LARGE_BLOCK, blocks
 from hybridsurrogate.types import FloatArray
 
 
@@ -275,8 +276,6 @@ def hidden(
 
 # the word for data sets in which nothing is wrong, or nothing is detected
 NOTHING = "none"
-# numbers of responses that are evaluated together
-_TOGETHER = 2_000_000
 
 
 class Outcomes(NamedTuple):
@@ -338,8 +337,10 @@ def log_evidence(place: Place, causes: Sequence[Cause], responses: FloatArray) -
 
 def outcomes(place: Place, responses: FloatArray) -> Outcomes:
     """Return what a diagnosis would conclude from data sets (m, n) at a place."""
-    pieces = np.array_split(responses, max(-(-responses.size // _TOGETHER), 1))
-    evidence = np.concatenate([log_evidence(place, place.causes, some) for some in pieces])
+    pieces = blocks(len(responses), responses.shape[1], LARGE_BLOCK)
+    evidence = np.concatenate(
+        [log_evidence(place, place.causes, responses[some]) for some in pieces]
+    )
     statistic = np.max(evidence[:, 1:], axis=1) - evidence[:, 0]
     weight = evidence + np.log(prior_odds([None, *place.causes]))
     probability = np.exp(weight - special.logsumexp(weight, axis=1, keepdims=True))

@@ -13,13 +13,10 @@ from hybridsurrogate.diagnosis.source.parts import (
     call_values_of,
 )
 from hybridsurrogate.diagnosis.source.text import call, definition, keywords, text_of, tuple_of
+from hybridsurrogate.ode.steps import FEWEST
 
 # methods of the module by those of the simulator; others are scipy's own
 _METHODS = {"rk4": "DOP853", "rosenbrock": "Radau"}
-
-
-# steps that a solver takes at least, so that no sudden change is stepped over
-_LEAST_STEPS = 100
 
 
 def varying_in(parts: SourceParts) -> list[str]:
@@ -43,7 +40,8 @@ def dynamics(model: ExtendedModel, parts: SourceParts) -> list[str]:
     sizes = [*model.sizes, *(model.sizes[ode.states.index(one.code.of)] for one in stores)]
     # a step of "rk4" resolves what happens; one of a higher order sees as much in four
     most = 4 * ode.step if ode.method == "rk4" else ode.max_step
-    step = min(most, ode.span / _LEAST_STEPS)
+    # a sudden change must not be stepped over
+    step = min(most, ode.span / FEWEST)
     parts.constants += [
         "# the dynamics",
         f"STATES = {tuple_of(ode.states)}",

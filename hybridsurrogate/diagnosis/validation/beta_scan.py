@@ -19,11 +19,11 @@ from hybridsurrogate.diagnosis.validation.cross_validation import (
     random_folds,
 )
 from hybridsurrogate.diagnosis.validation.gain import mean_and_error
-from hybridsurrogate.diagnosis.validation.refit import ALTERNATIVE_DRAWS
 from hybridsurrogate.estimators.beta_path import beta_path
 from hybridsurrogate.estimators.power_scaled import PowerScaledSurrogate
 from hybridsurrogate.exceptions import HybridSurrogateWarning
 from hybridsurrogate.inference.sampling.settings import SETTINGS
+from hybridsurrogate.model.posterior import FEW_DRAWS
 from hybridsurrogate.model.rows.measured_data import GivenRows, without_gaps
 from hybridsurrogate.scoring.scores import last_of_the_best
 from hybridsurrogate.simulation.arrays import as_numbers, complete_table
@@ -205,7 +205,7 @@ def _scores_of_fold(
     model: PowerScaledSurrogate, betas: FloatArray, train: GivenRows, test: GivenRows
 ) -> FloatArray:
     """Return the log predictive density of held-out rows at each weight: (n_betas, n_held)."""
-    draws = min(int(model.n_draws), ALTERNATIVE_DRAWS)
+    draws = min(int(model.n_draws), FEW_DRAWS)
     quick = clone(model).set_params(sampler="importance", n_draws=draws)
     with warnings.catch_warnings():
         # fits at extreme weights are often doubtful; the curve shows it

@@ -33,6 +33,7 @@ from hybridsurrogate.estimators.power_scaled import (
 )
 from hybridsurrogate.exceptions import HybridSurrogateWarning
 from hybridsurrogate.inference.sampling.ensembles import EnsembleSampler
+from hybridsurrogate.model.posterior import FEW_DRAWS
 from hybridsurrogate.model.problem import Problem
 from hybridsurrogate.numerics.psis import KHAT_LIMIT
 from hybridsurrogate.simulation.outputs import OUTPUT, AllOutputs
@@ -100,9 +101,8 @@ def excluded_rows(search: Search, w: Candidate) -> tuple[GrossRow, ...]:
     )
 
 
-# enough for scores whose own standard error is that of a handful of rows; for what has less than
-# half of the weight, and for the difference between scores at two weights of the simulation
-FOLD_DRAWS, ALTERNATIVE_DRAWS, FOLD_STEPS = 400, 200, 1000
+# enough for scores whose own standard error is that of a handful of rows
+FOLD_DRAWS, FOLD_STEPS = 400, 1000
 
 
 class Pair(NamedTuple):
@@ -217,7 +217,7 @@ def coarsely_fitted(
     """
     one = task.estimator
     task = task.with_settings(
-        n_draws=min(int(one.n_draws), ALTERNATIVE_DRAWS),
+        n_draws=min(int(one.n_draws), FEW_DRAWS),
         sampler="importance" if one.sampler == "auto" else one.sampler,
     )
     known = fitted_near(task, near) if near is not None else None

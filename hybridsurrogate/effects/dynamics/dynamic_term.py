@@ -16,6 +16,7 @@ from hybridsurrogate.effects.over_column import OverExperiments
 from hybridsurrogate.effects.registry import Form, needs, register
 from hybridsurrogate.ode.dynamics import MissingTerm
 from hybridsurrogate.priors import frozen
+from hybridsurrogate.simulation.variables import MOST_LEVELS
 from hybridsurrogate.types import Prior
 
 # a level in the middle of the state's range leaves about a quarter of it above
@@ -281,10 +282,6 @@ register(
 )
 
 
-# with more experiments a rate that they share predicts nearly as well
-_MOST = 6
-
-
 @dataclass(eq=False, repr=False)
 class TermByExperiment(OverExperiments, Dynamic):
     """A term missing from an `OdeSimulator` with another rate in each experiment.
@@ -401,7 +398,8 @@ def _of_states_by_experiment(context: Context) -> Iterator[Cause]:
     # where no rate is known to differ, one that all experiments share comes first
     if column is None or not set(context.by_experiment) & set(context.rates):
         return
-    if len(np.unique(context.X[column])) > _MOST:
+    # with more experiments a rate that they share predicts nearly as well
+    if len(np.unique(context.X[column])) > MOST_LEVELS:
         return
     for state in context.states:
         yield TermByExperiment(state, column, labels=context.names.get(column))

@@ -16,6 +16,7 @@ from hybridsurrogate.effects.context import MOST_EXPERIMENTS, position_among
 from hybridsurrogate.effects.expressions import Code
 from hybridsurrogate.effects.over_column import OverExperiments
 from hybridsurrogate.exceptions import did_you_mean
+from hybridsurrogate.numerics.linear_algebra import NEGLIGIBLE, SINGULAR
 from hybridsurrogate.priors import frozen
 from hybridsurrogate.simulation.outputs import OUTPUT
 from hybridsurrogate.types import Prior
@@ -154,10 +155,6 @@ class Jitter(Declared):
         return Code("", does="nothing")
 
 
-# of the largest variance: differences and eigenvalues below it are rounding
-_ROUNDING = 1e-8
-
-
 @dataclass(eq=False, repr=False)
 class SharedErrors(OverExperiments):
     """Errors that rows share, in addition to the error of each row; no fault, but part of the data.
@@ -253,7 +250,7 @@ class SharedErrors(OverExperiments):
         matrix = _checked(covariance)
         sd = np.sqrt(np.diag(matrix))
         share = float(np.linalg.eigvalsh(matrix / np.outer(sd, sd))[0]) if sd.all() else 0.0
-        if not share > _ROUNDING:
+        if not share > SINGULAR:
             raise ValueError(
                 "The covariance of rows is not positive definite: each row needs an error of its "
                 "own. Give that as y_err, and what rows share as SharedErrors(..., covariance=)."
@@ -393,7 +390,7 @@ def _checked(covariance: Any) -> FloatArray:
             f"covariance has {len(bad)} values that are NaN or infinite, the first in row "
             f"{bad[0][0] + 1}, column {bad[0][1] + 1}."
         )
-    least = _ROUNDING * np.max(np.abs(matrix))
+    least = NEGLIGIBLE * np.max(np.abs(matrix))
     if len(bad := np.argwhere(np.abs(matrix - matrix.T) > least)):
         k, j = bad[0]
         raise ValueError(

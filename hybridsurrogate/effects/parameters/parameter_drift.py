@@ -22,13 +22,12 @@ from hybridsurrogate.effects.base import (
 from hybridsurrogate.effects.context import LONGEST_PERIOD, MOST_GAPS, UNKNOWN, Axis, period_nodes
 from hybridsurrogate.effects.expressions import Code
 from hybridsurrogate.effects.registry import Form, register
+from hybridsurrogate.likelihoods.base import MAX_ETA
 from hybridsurrogate.priors import frozen, prior_sd
 from hybridsurrogate.types import Prior
 
 # the simulation runs at every period that is tried
 _MOST_CYCLES = 25
-# a logarithm of a factor that breaks any simulation; beyond there is overflow only
-_BREAKS = 50.0
 
 
 class _Shape(NamedTuple):
@@ -58,7 +57,7 @@ _SHAPES = {
     ),
     "exponential": _Shape(
         ("rate",),
-        lambda x, theta: np.clip(theta["rate"] * x, -_BREAKS, _BREAKS),
+        lambda x, theta: np.clip(theta["rate"] * x, -MAX_ETA, MAX_ETA),
         "np.exp({rate} * ({x} - {center}))",
         {"rate": "1 / {x}"},
         multiplies=True,

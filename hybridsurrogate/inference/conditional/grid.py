@@ -31,8 +31,8 @@ from hybridsurrogate.inference.sampling.importance import (
 )
 from hybridsurrogate.inference.sampling.modes import factors, optimise_density
 from hybridsurrogate.inference.sampling.settings import SETTINGS
-from hybridsurrogate.model.statistics import ROUNDING, prior_log_density, prior_of_unknowns
-from hybridsurrogate.numerics.linear_algebra import blocks, log_det_of, nudged_cholesky
+from hybridsurrogate.model.statistics import prior_log_density, prior_of_unknowns
+from hybridsurrogate.numerics.linear_algebra import NEGLIGIBLE, blocks, log_det_of, nudged_cholesky
 from hybridsurrogate.types import FloatArray
 
 
@@ -106,7 +106,7 @@ def _log_density(problem: MeasuredGiven, u: FloatArray, c: FloatArray) -> FloatA
         log_det = log_det + log_det_of(factor)
         half = np.linalg.solve(factor, transposed @ residual[..., None])[..., 0]
         squares = np.maximum(squares - np.sum(half**2, axis=1), 0.0)
-    squares += problem.weights.sum() * (ROUNDING * problem.scale / np.exp(u[:, -1])) ** 2
+    squares += problem.weights.sum() * (NEGLIGIBLE * problem.scale / np.exp(u[:, -1])) ** 2
     out = prior_of_unknowns(u, problem.noise_prior) - log_det - 0.5 * squares
     return np.where(np.isfinite(out), out, -np.inf)
 
@@ -191,7 +191,7 @@ def _finer(
 def _sums_of_squares(problem: MeasuredGiven, z: FloatArray) -> FloatArray:
     """Return the residual sums of squares of every node and draw, (J, S)."""
     model, rows = problem.model, problem.features_and_rest
-    rounding = problem.weights.sum() * (ROUNDING * problem.scale) ** 2
+    rounding = problem.weights.sum() * (NEGLIGIBLE * problem.scale) ** 2
     values = model.values(z)
     if rows is not None:
         of_inputs, rest = rows

@@ -45,8 +45,14 @@ from hybridsurrogate.inference.sampling.modes import Gaussian, find_modes
 from hybridsurrogate.inference.sampling.settings import MOST_PROPOSALS, SETTINGS
 from hybridsurrogate.model.posterior import LEAST_EFFECTIVE
 from hybridsurrogate.model.problem import Problem
-from hybridsurrogate.model.statistics import ROUNDING, prior_log_density, prior_of_unknowns
-from hybridsurrogate.numerics.linear_algebra import LARGE_BLOCK, blocks, log_det_of, nudged_cholesky
+from hybridsurrogate.model.statistics import prior_log_density, prior_of_unknowns
+from hybridsurrogate.numerics.linear_algebra import (
+    LARGE_BLOCK,
+    NEGLIGIBLE,
+    blocks,
+    log_det_of,
+    nudged_cholesky,
+)
 from hybridsurrogate.numerics.psis import KHAT_LIMIT
 from hybridsurrogate.types import FloatArray
 
@@ -440,7 +446,7 @@ def _log_density_of_some(problem: MeasuredGiven, u: FloatArray, draws: SharedDra
     prior = prior_of_unknowns(u, problem.noise_prior)
     log_scale = np.log(np.broadcast_to(scale, (len(u), len(y)))) @ problem.weights
     log_det = log_det_of(factor) + log_scale
-    rounding = 0.5 * problem.weights.sum() * (ROUNDING * problem.scale / sigma) ** 2
+    rounding = 0.5 * problem.weights.sum() * (NEGLIGIBLE * problem.scale / sigma) ** 2
     out = (prior - log_det - rounding)[:, None] - 0.5 * np.maximum(total, 0.0)
     return np.where(np.isfinite(out), out, -np.inf)
 

@@ -24,10 +24,11 @@ from hybridsurrogate.inference.conjugate.factored_rows import (
     whitened,
 )
 from hybridsurrogate.inference.conjugate.target import PowerScaledPosterior
-from hybridsurrogate.model.statistics import ROUNDING, Statistics, prior_of_unknowns
+from hybridsurrogate.model.statistics import Statistics, prior_of_unknowns
 from hybridsurrogate.numerics.linear_algebra import (
     BLOCK,
     LARGE_BLOCK,
+    NEGLIGIBLE,
     SINGULAR,
     log_det_of,
     nudged_cholesky,
@@ -278,7 +279,7 @@ class CollapsedPosterior(PowerScaledPosterior):
 
     @property
     def _rounding(self) -> float:
-        return float(self.weights.sum() * (ROUNDING * self.scale) ** 2)
+        return float(self.weights.sum() * (NEGLIGIBLE * self.scale) ** 2)
 
     def _measured_rows(self, u: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return [features, columns, y] of the measured rows at sigma = 1, and the log noise."""

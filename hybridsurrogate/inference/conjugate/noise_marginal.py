@@ -6,8 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from hybridsurrogate.model.statistics import ROUNDING
-from hybridsurrogate.numerics.linear_algebra import blocks
+from hybridsurrogate.numerics.linear_algebra import NEGLIGIBLE, blocks
 from hybridsurrogate.types import FloatArray, Prior
 
 _N_TABLE = 1500
@@ -19,7 +18,7 @@ LogMarginal = Callable[[FloatArray], FloatArray]
 def noise_grid(noise_prior: Prior, scale: float, n: float) -> tuple[FloatArray, FloatArray]:
     """Return nodes of log sigma and the log prior density there, fine enough for n rows."""
     bottom, top = float(noise_prior.ppf(1e-12)), float(noise_prior.isf(1e-12))
-    low, high = np.log(max(bottom, np.exp(-1) * ROUNDING * scale)), np.log(max(top, 10 * scale))
+    low, high = np.log(max(bottom, np.exp(-1) * NEGLIGIBLE * scale)), np.log(max(top, 10 * scale))
     # a prior that says little leaves room for outputs far off; a narrow one must be resolved
     if top <= 2 * bottom:
         low, high = np.log(bottom), np.log(top)
@@ -80,7 +79,7 @@ class NoiseTable:
     """
 
     def __init__(self, noise_prior: Prior, scale: float, n: int, least: float = 0.0):
-        self._low = np.log(n) + 2 * np.log(ROUNDING * scale)
+        self._low = np.log(n) + 2 * np.log(NEGLIGIBLE * scale)
         self._high = np.log(n) + 2 * np.log(1e4 * scale)
         squares = np.exp(np.linspace(self._low, self._high, _N_TABLE))
         log_sigma, log_weight = noise_grid(noise_prior, scale, n)

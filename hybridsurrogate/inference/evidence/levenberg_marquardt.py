@@ -20,7 +20,8 @@ from hybridsurrogate.inference.evidence.grid import Grid
 from hybridsurrogate.inference.evidence.settings import SETTINGS
 from hybridsurrogate.model.context import disjoint_moves, single_moves
 from hybridsurrogate.model.observation import MeasuredModel
-from hybridsurrogate.model.statistics import ROUNDING, EmulatorPosterior
+from hybridsurrogate.model.statistics import EmulatorPosterior
+from hybridsurrogate.numerics.linear_algebra import NEGLIGIBLE
 from hybridsurrogate.priors import to_normal
 from hybridsurrogate.types import FloatArray
 
@@ -190,7 +191,7 @@ class _Residual:
             fitted = np.linalg.solve(normal, right[..., None])
             residual = residual - (columns @ fitted)[..., 0]
         # where the simulation fails, or runs away, which is finite for a while
-        most = max(self.floor, float(np.ptp(self.y))) / ROUNDING
+        most = max(self.floor, float(np.ptp(self.y))) / NEGLIGIBLE
         return np.where(np.abs(residual) < most, residual, most)
 
     def with_slopes(self, z: FloatArray, place: NDArray[np.intp]) -> tuple[FloatArray, FloatArray]:

@@ -20,14 +20,13 @@ from hybridsurrogate.inference.evidence.settings import SETTINGS
 from hybridsurrogate.model.context import disjoint_moves
 from hybridsurrogate.model.observation import MeasuredModel
 from hybridsurrogate.model.statistics import EmulatorPosterior
-from hybridsurrogate.numerics.linear_algebra import LARGE_BLOCK, blocks, in_blocks
+from hybridsurrogate.numerics.linear_algebra import LARGE_BLOCK, SINGULAR, blocks, in_blocks
+from hybridsurrogate.simulation.arrays import LARGEST
 from hybridsurrogate.types import FloatArray
 
-# an emulator is smooth to rounding: a short step to one side is enough, at half the price
-_SHORT_STEP = 1e-4
-_ABSURD = 1e100
-# of the largest curve: less is nothing
-_NOTHING = 1e-12
+# of differences of what is smooth to rounding, such as an emulator: a step to one side is enough,
+# at half the price
+SHORT_STEP = 1e-4
 # numbers of the columns of all nodes that are kept
 _MOST_KEPT = 2 * LARGE_BLOCK
 # places whose slopes are kept
@@ -163,7 +162,7 @@ def columns_at_nodes(model: MeasuredModel, X: FloatArray, grid: Grid, z: FloatAr
     numbers = len(X) * len(model.effects[-1].coefficients) if model.effects else 0
     own, rms = in_blocks(scaled, values, numbers)
     # a column that is tiny compared with those of other nodes stays so
-    least = _NOTHING * float(np.max(rms, initial=0.0))
+    least = SINGULAR * float(np.max(rms, initial=0.0))
     low = rms < least
     own[low] *= (rms[low] / least)[:, None]
     return Columns(earlier, np.swapaxes(own, 1, 2), np.maximum(rms, least))
@@ -178,7 +177,7 @@ def _rms(curves: FloatArray, process: bool) -> FloatArray:
     rms = np.sqrt(squares)
     if process:
         rms = np.broadcast_to(np.sqrt(squares.sum(axis=1, keepdims=True)), squares.shape)
-    return np.maximum(rms, _NOTHING * max(float(np.max(rms, initial=0.0)), 1e-280))
+    return np.maximum(rms, SINGULAR * max(float(np.max(rms, initial=0.0)), 1e-280))
 
 
 def values_at_nodes(model: MeasuredModel, grid: Grid, z: FloatArray) -> FloatArray:
@@ -256,7 +255,7 @@ def _slopes_along(
 ) -> _Slopes:
     """Return the output and its slopes along some of the unknowns."""
     both = model.basis.is_simulation
-    step = model.step if both else _SHORT_STEP
+    step = model.step if both else SHORT_STEP
     together = disjoint_moves(model, X, directions)
     moves = step * together.steps
     points = z + np.vstack([np.zeros((1, len(z))), moves, *([-moves] if both else [])])
@@ -272,7 +271,7 @@ def _slopes_along(
         places = runs.reshape(len(runs) * len(points), len(z))
         response, _ = model.output(X, places, emulator.mean, len(points))
         # a simulation may fail far out: NaN marks the place and is never better than another one
-        response[~(np.abs(response) < _ABSURD)] = np.nan
+        response[~(np.abs(response) < LARGEST)] = np.nan
         response = response.reshape(len(runs), len(points), len(X))
         ahead, behind = response[:, 1 : 1 + len(moves)], response[:, 1 + len(moves) :]
         here = response[:, :1]

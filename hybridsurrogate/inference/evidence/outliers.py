@@ -17,23 +17,24 @@ from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
+from scipy import special
 
 from hybridsurrogate.inference.evidence.grid import Grid
-from hybridsurrogate.inference.evidence.linearised import Linearised, values_at_nodes
+from hybridsurrogate.inference.evidence.linearised import SHORT_STEP, Linearised, values_at_nodes
 from hybridsurrogate.inference.evidence.settings import SETTINGS
 from hybridsurrogate.likelihoods.student_t import log_shape, precision_at
 from hybridsurrogate.model.observation import MeasuredModel
 from hybridsurrogate.types import FloatArray
 
-# a robust guess of sigma from the median residual
-_TO_SIGMA = 1.4826
+# a robust guess of sigma from the median residual, the upper quartile of a half-normal distribution
+_TO_SIGMA = 1 / special.ndtri(0.75)
 # relative move of the noise at which EM has arrived: a bound is flat around its best
 _ARRIVED = 1e-3
 # errors of an emulator below this share of the noise move no row: a tenth of the time of 1,500 rows
 _SMALL = 0.3
-# step of differences of log sigma, and the least information about it as a share of that of normal
-# rows: between two readings of a row there may be none
-_STEP, _LEAST_INFORMATION = 1e-4, 0.1
+# least information about log sigma as a share of that of normal rows: between two readings of a row
+# there may be none
+_LEAST_INFORMATION = 0.1
 
 Noise = Callable[[FloatArray], FloatArray]
 
@@ -92,7 +93,7 @@ def _information(z: FloatArray, share: FloatArray) -> FloatArray:
         moved = z * np.exp(-log_sigma)
         return np.sum(precision_at(moved, share) * moved**2, axis=1)
 
-    curvature = (squares(-_STEP) - squares(_STEP)) / (2 * _STEP)
+    curvature = (squares(-SHORT_STEP) - squares(SHORT_STEP)) / (2 * SHORT_STEP)
     return np.maximum(curvature / (2 * squares(0.0)), _LEAST_INFORMATION)
 
 

@@ -65,16 +65,16 @@ class SearchSettings:
         size 2, 80 rows).
     turns, worth_a_turn : int, float
         Turns in which each of two causes is placed once, and the gain that is worth another.
-    backfitting_rounds : int
+    rounds : int
         Rounds in which each of several causes may give way to a better one. With the probability
         of each conditional on the others, 37 instead of 12 of these 48 pairs are "named", 89 and
-        92 % rightly.
+        92 % rightly. And rounds in which the noise of several outputs is estimated anew: in six
+        cases the first gained 1.4 to 9 nats for the cause of most evidence, the second up to 0.3,
+        further ones less than 0.03.
     same_mode : int
         Cells to either side of the best node that belong to the same mode.
-    set_mass, named : float
-        Probability of the reported set of kinds (a cause that has it alone, without residual
-        structure, is not compared with others again), and from which one cause is named: three
-        times as probable as all alternatives together.
+    named : float
+        Probability from which one cause is named: three times that of all alternatives together.
     furthest_place, longest_step : float
         Of unknowns when a cause is optimised, in prior standard deviations: the furthest place and
         the longest step.
@@ -120,9 +120,8 @@ class SearchSettings:
     most_second_causes: int = 6
     turns: int = 3
     worth_a_turn: float = 0.3
-    backfitting_rounds: int = 2
+    rounds: int = 2
     same_mode: int = 6
-    set_mass: float = 0.9
     named: float = 0.75
     furthest_place: float = 6.0
     longest_step: float = 1.5

@@ -21,7 +21,8 @@ from hybridsurrogate.inference.evidence.levenberg_marquardt import (
 from hybridsurrogate.inference.evidence.marginal_likelihood import optimise, shortened
 from hybridsurrogate.inference.evidence.settings import SETTINGS as EVIDENCE
 from hybridsurrogate.inference.sampling.settings import SETTINGS
-from hybridsurrogate.model.statistics import ROUNDING, emulator_posterior
+from hybridsurrogate.model.statistics import emulator_posterior
+from hybridsurrogate.numerics.linear_algebra import NEGLIGIBLE
 from hybridsurrogate.priors import to_normal
 from hybridsurrogate.types import FloatArray
 
@@ -46,7 +47,7 @@ def starting_points(
         model.basis.given(hyper), target.run_statistics(hyper), target.simulation_power
     )
     model = replace(model, basis=model.basis.given(hyper))
-    sigma, size, floor = float(np.exp(base[0, -1])), 10 * target.scale, ROUNDING * target.scale
+    sigma, size, floor = float(np.exp(base[0, -1])), 10 * target.scale, NEGLIGIBLE * target.scale
     causes: tuple[Cause, ...] = ()
     for cause in model.effects:
         causes = (*causes, cause)
@@ -96,7 +97,7 @@ def further_points(target: Target, mode: FloatArray) -> FloatArray:
         out.append(points[peaks, best[peaks]])
         is_rough |= len(peaks) > 1
     if is_rough and target.model.basis.is_simulation:
-        model, floor = target.model, ROUNDING * target.scale
+        model, floor = target.model, NEGLIGIBLE * target.scale
         emulator = emulator_posterior(model.basis, None)
         z, sigma = best_of_spread(model, target.X, target.y, emulator, floor)
         out.append(np.array([[*z, np.log(sigma)]]))

@@ -214,7 +214,7 @@ def test_on_a_logarithmic_scale_an_amplitude_is_a_factor():
 
 
 def test_one_alternative_more_than_are_listed_is_one_other():
-    shares = {"step": 0.4, "ramp": 0.2, "trend": 0.2, "bump": 0.1}
+    shares = {"step": 0.4, "ramp": 0.2, "trend": 0.2, "bump": 0.1, "gain": 0.05}
     result = SimpleNamespace(
         conclusion=SimpleNamespace(verdict="ambiguous", concerns="simulation"),
         indistinguishable=tuple(shares),
@@ -224,7 +224,7 @@ def test_one_alternative_more_than_are_listed_is_one_other():
         findings=[(CauseFinding("step", "t", "", 0.4, {}), hs.Step("t"))],
         search=SimpleNamespace(kind_shares=shares),
     )
-    assert headline.headline(view).endswith("how: step, ramp, trend or one other.")
+    assert headline.headline(view).endswith("how: step, ramp, trend, bump or one other.")
 
 
 @pytest.mark.parametrize(

@@ -6,6 +6,7 @@ import numpy as np
 import pandas as pd
 
 from hybridsurrogate.diagnosis.answers.finding import NOT_COMPARED, is_compared
+from hybridsurrogate.diagnosis.checks.caution import SETTINGS as CHECKS
 from hybridsurrogate.diagnosis.checks.residuals import DOCUMENTED, N_CASES, NOT_HELD
 from hybridsurrogate.diagnosis.report.details import pictures
 from hybridsurrogate.diagnosis.report.elements import tables
@@ -61,7 +62,7 @@ def probability_of_smooth_curve(view: View) -> float:
 def needs_smooth_curve(view: View) -> bool:
     """Return whether the causes that were found leave something to explain."""
     nearest = view.result.conclusion.verdict == "nearest"
-    return nearest or probability_of_smooth_curve(view) > SETTINGS.likely
+    return nearest or probability_of_smooth_curve(view) > CHECKS.half
 
 
 def failing_causes(view: View) -> pd.DataFrame:
@@ -143,12 +144,12 @@ def _failing(view: View) -> list[str]:
     failing = failing_causes(view)
     out = []
     columns = ["kind", "target", "form", "note"]
-    for kind, target, form, note in failing[columns].head(SETTINGS.most_kinds).to_numpy():
+    for kind, target, form, note in failing[columns].head(SETTINGS.most_listed).to_numpy():
         variant = form.removeprefix(kind).removeprefix(": ")
         under = "As it is" if kind == "none" else f"With {label(kind, target, variant)}"
         out.append(f"{under} {note}.")
-    if len(failing) > SETTINGS.most_kinds:
-        out.append(f"The notes in causes_ list {len(failing) - SETTINGS.most_kinds} more.")
+    if len(failing) > SETTINGS.most_listed:
+        out.append(f"The notes in causes_ list {len(failing) - SETTINGS.most_listed} more.")
     return out
 
 

@@ -8,6 +8,7 @@ from hybridsurrogate.diagnosis.report.details import pictures
 from hybridsurrogate.diagnosis.report.elements.section import Picture, Section
 from hybridsurrogate.diagnosis.report.elements.tables import noise_of
 from hybridsurrogate.diagnosis.report.elements.view import SETTINGS, View, label_of
+from hybridsurrogate.inference.evidence.settings import SETTINGS as EVIDENCE
 from hybridsurrogate.numerics import digits
 
 _SCALE = "1 bit decides between two explanations that are equally probable."
@@ -42,7 +43,7 @@ def _sentences(view: View, worth: str) -> list[str]:
     if result.next_measurement.information < SETTINGS.little_information:
         why = (
             "the data have decided between them"
-            if asked.probability.max() > SETTINGS.decided
+            if asked.probability.max() >= EVIDENCE.named
             else "within what was simulated they predict nearly the same"
         )
         return [

@@ -14,7 +14,7 @@ from scipy import special
 
 from hybridsurrogate.arguments import check_units
 from hybridsurrogate.diagnosis.fitting.result import DiagnosisResult
-from hybridsurrogate.diagnosis.search.candidate import Candidate
+from hybridsurrogate.diagnosis.search.candidate import LEAST_PROBABLE, Candidate
 from hybridsurrogate.diagnosis.search.search import Search, predict_locally
 from hybridsurrogate.diagnosis.validation.refit import added_causes
 from hybridsurrogate.effects.base import Cause
@@ -39,19 +39,12 @@ class ReportSettings:
 
     Attributes
     ----------
-    likely : float
-        Probability from which on a smooth curve in addition to the causes, and the closest match
-        as what is wrong, are stated.
     little_information : float
         Expected information in bits below which one more measurement is hardly worth it.
-    decided : float
-        Probability from which on a question needs no further measurement.
-    most_kinds, most_listed : int
-        Kinds, and causes with failing runs, that a sentence lists; other things that one does.
+    most_listed : int
+        Things that a sentence lists.
     most_causes : int
         Causes in the table and in the picture, at most.
-    worth_drawing : float
-        Probability from which a cause is drawn.
     as_probable : float
         A form of the same kind with more than this share of the cause's probability may be it as
         well.
@@ -63,13 +56,9 @@ class ReportSettings:
         Periods of a cycle in the first picture, at most; more would be a block of colour.
     """
 
-    likely: float = 0.5
     little_information: float = 0.07
-    decided: float = 0.95
-    most_kinds: int = 3
     most_listed: int = 4
     most_causes: int = 8
-    worth_drawing: float = 0.005
     as_probable: float = 0.25
     bins: int = 5
     log_axis_decades: float = 1.5
@@ -359,7 +348,7 @@ class View:
         return [
             candidate
             for place, (candidate, p) in enumerate(_ranked(result)[: SETTINGS.most_listed])
-            if place < 2 or p > SETTINGS.worth_drawing
+            if place < 2 or p > LEAST_PROBABLE
         ]
 
     def other_forms(self) -> list[Candidate]:
