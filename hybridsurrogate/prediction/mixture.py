@@ -277,11 +277,26 @@ def noisy(posterior: Posterior, X: FloatArray, random: np.random.RandomState) ->
     return posterior.likelihood.sample(*posterior.eta(X), random)
 
 
+def _bandwidth(eta: FloatArray, y: FloatArray) -> FloatArray:
+    """Return the noise (n,) that the density at y needs at least, given draws (S, n) of its mean.
+
+    Where noise is next to nothing, as in a path through repeated values, a finite number of draws
+    are spikes with nothing between them. The bandwidth is the distance to the tenth nearest draw,
+    and at most that of normal densities (Silverman 1986, Density Estimation, eq. 3.31).
+    """
+    tenth = min(10, len(eta)) - 1
+    nearest = np.partition(np.abs(eta - y), tenth, axis=0)[tenth]
+    return np.nan_to_num(np.minimum(nearest, 0.9 * np.std(eta, axis=0) * len(eta) ** -0.2))
+
+
 def log_density_of(mixture: Mixture, X: FloatArray, y: FloatArray) -> FloatArray:
     """Return the log density of rows under a mixture of posteriors, (n,): -inf where impossible."""
     terms = []
     for weight, posterior in mixture:
-        log_density = posterior.likelihood.log_density(y, *posterior.eta(X))
+        eta, noise = posterior.eta(X)
+        if posterior.likelihood.scales_noise:
+            noise = np.maximum(noise, _bandwidth(eta, posterior.likelihood.working(y)))
+        log_density = posterior.likelihood.log_density(y, eta, noise)
         # where a simulation has no output for a draw, this predicts no y
         log_density = np.where(np.isnan(log_density), -np.inf, log_density)
         with np.errstate(divide="ignore"):  # a weight may be zero at some rows
