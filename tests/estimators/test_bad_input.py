@@ -428,3 +428,12 @@ def test_predictions_where_the_simulation_fails_for_some_draws():
         assert np.isfinite(model.score(X, [1.4, 0.5]))
     with pytest.warns(hs.FailedRunsWarning, match="every draw fails, and there is no prediction"):
         assert np.isnan(model.predict([[20.0]])).all()
+
+
+def test_a_noise_prior_too_narrow_to_draw_from():
+    simulator = hs.Simulator(lambda x, level: level + 0 * x, {"x": (0, 1)}, {"level": stats.norm(0, 1)})
+    model = hs.PowerScaledSurrogate(
+        simulator, hs.ExactSurrogate(), noise_prior=stats.uniform(0.1, 1e-7), random_state=0
+    )
+    with pytest.raises(ValueError, match="a prior with hard ends may be too narrow. Widen it"):
+        model.fit(np.linspace(0, 1, 9)[:, None], np.linspace(0, 0.3, 9))

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import special
 
-from hybridsurrogate.inference.sampling.modes import Gaussian, LogDensity
+from hybridsurrogate.inference.sampling.modes import Gaussian, LogDensity, NothingPossibleError
 from hybridsurrogate.inference.sampling.settings import SETTINGS
 from hybridsurrogate.model.posterior import LEAST_EFFECTIVE
 from hybridsurrogate.numerics.linear_algebra import SINGULAR
@@ -218,6 +218,11 @@ def importance_draws(
         noise = scale * random_state.standard_normal((n_proposals, n_noise))
         rounds.append(_Round(np.hstack([drawn, noise]), components, scale))
         target = np.append(target, log_density(rounds[-1].points))
+        if not np.isfinite(target).any():
+            raise NothingPossibleError(
+                "Almost everywhere near its mode the posterior is impossible: a prior with hard "
+                "ends may be too narrow. Widen it, or take one without ends."
+            )
         points = np.concatenate([one.points for one in rounds])
         shaped = points[:, : points.shape[1] - n_noise]
         mixed = _mixed(mixed, rounds, points, n_noise)
