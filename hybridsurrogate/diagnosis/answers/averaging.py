@@ -231,22 +231,21 @@ def averaged_over(
     fitted : callable
         Returns the estimator fitted with causes as effects.
     """
-    sets, shares = explanations(steps)
-
-    def reaching(causes: Causes) -> PowerScaledSurrogate:
-        model = fitted(causes)
-        # excluded rows carry no information on the simulation elsewhere
-        in_data = all(cause.concerns == "data" for cause in causes)
-        return model if in_data else with_remainder(before, model)
-
-    models, weights = [reaching(sets[0])], shares[:1]
-    for causes, share in zip(sets[1:], shares[1:], strict=True):
+    models: list[PowerScaledSurrogate] = []
+    weights: list[float] = []
+    for causes, share in zip(*explanations(steps), strict=True):
         try:
             with warnings.catch_warnings():
-                # of the rows the first fit has warned; doubtful draws are in the report
-                warnings.simplefilter("ignore", HybridSurrogateWarning)
-                model = reaching(causes) if causes else before
+                if models:
+                    # of the rows the first fit has warned; doubtful draws are in the report
+                    warnings.simplefilter("ignore", HybridSurrogateWarning)
+                model = fitted(causes) if causes else before
+                # excluded rows carry no information on the simulation elsewhere
+                if not all(cause.concerns == "data" for cause in causes):
+                    model = with_remainder(before, model)
         except ValueError as error:
+            if not models:
+                raise
             warnings.warn(
                 f"{' and '.join(cause.name for cause in causes)}, with {100 * share:.0f} % of the "
                 f"probability, could not be fitted and is not averaged over: {error}",

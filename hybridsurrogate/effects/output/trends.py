@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from itertools import combinations
 from typing import ClassVar
@@ -111,12 +111,6 @@ class Interaction(Declared):
         )
 
 
-def _from_zero(context: Context) -> Iterator[Cause]:
-    for pair in combinations(context.inputs, 2):
-        if all(map(context.begins_at_zero, pair)):
-            yield Interaction(*pair, centers=(0.0, 0.0))
-
-
 register(
     Form(
         "interaction",
@@ -129,7 +123,15 @@ register(
         ),
         headline="The simulation misses that {target} act together on {output}",
     ),
-    Form("interaction: from zero", Interaction, _from_zero),
+    Form(
+        "interaction: from zero",
+        Interaction,
+        lambda context: (
+            Interaction(*pair, centers=(0.0, 0.0))
+            for pair in combinations(context.inputs, 2)
+            if all(map(context.begins_at_zero, pair))
+        ),
+    ),
 )
 
 
@@ -200,19 +202,17 @@ class Offset(AtLevel):
         return self.code_at_level("{amplitude} * ({x} == {level})", {"amplitude": "{y}"})
 
 
-def _trouble_on_log_scale(cause: Cause, context: Context) -> str | None:
-    if cause.target is None and context.log_scale:
-        return "on a logarithmic scale a constant is a factor, compared as gain"
-    return None
-
-
 register(
     Form(
         "offset",
         Offset,
         lambda context: [Offset()],
         meaning="{output} is measured higher or lower than simulated by the same amount everywhere",
-        trouble=_trouble_on_log_scale,
+        trouble=lambda cause, context: (
+            "on a logarithmic scale a constant is a factor, compared as gain"
+            if cause.target is None and context.log_scale
+            else None
+        ),
         headline="{output} is {amplitude:size} {amplitude:above|below} the simulation everywhere",
     ),
     Form(
