@@ -9,7 +9,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from hybridsurrogate.effects.base import Cause, Context, Declared, FloatArray, Rows
+from hybridsurrogate.effects.base import Cause, Context, Declared, FloatArray, Forms, Rows
 from hybridsurrogate.effects.context import UNKNOWN, Axis
 from hybridsurrogate.effects.expressions import Code
 from hybridsurrogate.effects.inputs import at_levels
@@ -45,17 +45,13 @@ class Interaction(Declared):
     """
 
     kind = "interaction"
+    forms: ClassVar[Forms] = {("centers", (0.0, 0.0)): "from zero"}
     coefficients = ("slope",)
 
     first: str
     second: str
     centers: tuple[float, float] | None = None
     axes: tuple[Axis, Axis] = (UNKNOWN, UNKNOWN)
-
-    @property
-    def variant(self) -> str:
-        """Whether the product is one of the columns as they are."""
-        return "from zero" if self.centers == (0.0, 0.0) else ""
 
     @property
     def target(self) -> str:  # type: ignore[override]
@@ -257,15 +253,11 @@ class Trend(OverColumn):
     """
 
     kind = "trend"
+    forms: ClassVar[Forms] = {("degree", 2): "quadratic"}
 
     column: str
     degree: int = 1
     axis: Axis = UNKNOWN
-
-    @property
-    def variant(self) -> str:
-        """Quadratic, or plain."""
-        return "quadratic" if self.degree == 2 else ""
 
     @property
     def coefficients(self) -> tuple[str, ...]:  # type: ignore[override]

@@ -173,23 +173,20 @@ class CollapsedPosterior(PowerScaledPosterior):
         # far below the rounding of the data, where a square of sigma would underflow
         possible = np.isfinite(out) & (np.exp(u[:, -1]) > SINGULAR * self.scale)
         out[~possible] = -np.inf
+        n_simulation = self.simulation.n if self.simulation else 0
+        weight = self.simulation_power * n_simulation + self.measured_power * self.weights.sum()
         # where a cause makes the noise of some rows vanish, their squares are infinite
         with np.errstate(over="ignore", invalid="ignore"):
-            out[possible] += self._log_likelihood(u[possible])
+            log_det, rest, log_noise = self._marginal(u[possible])
+            out[possible] += (
+                -0.5 * weight * (_LOG_2PI + 2 * u[possible, -1])
+                - self.measured_power * log_noise
+                - 0.5 * log_det
+                - 0.5 * rest
+            )
         return np.where(np.isfinite(out), out, -np.inf)
 
     extended_log_density = joint_log_density = search_density
-
-    def _log_likelihood(self, u: FloatArray) -> FloatArray:
-        log_det, rest, log_noise = self._marginal(u)
-        n_simulation = self.simulation.n if self.simulation else 0
-        weight = self.simulation_power * n_simulation + self.measured_power * self.weights.sum()
-        return (
-            -0.5 * weight * (_LOG_2PI + 2 * u[:, -1])
-            - self.measured_power * log_noise
-            - 0.5 * log_det
-            - 0.5 * rest
-        )
 
     def _marginal(self, u: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return log |Lambda| / |Lambda0|, the quadratic form that is left, log of the noise."""
