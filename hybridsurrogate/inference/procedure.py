@@ -230,15 +230,11 @@ def fit_problem(
         try:
             drawn = first_step(make_target(problem, *powers), sampler, n_draws, random_state)
         except NothingPossibleError as error:
-            raise ValueError(f"{error}{_failure(problem)}") from None
+            # how a simulation that is its own surrogate failed
+            basis = problem.model.basis
+            failure = basis.simulate.failure(problem.X) if isinstance(basis, ExactBasis) else ""
+            raise ValueError(f"{error} {failure}".rstrip()) from None
         return _finish(problem, powers, drawn, random_state)
-
-
-def _failure(problem: Problem) -> str:
-    """Return how a simulation that is its own surrogate failed, with a space before it."""
-    basis = problem.model.basis
-    failure = basis.simulate.failure(problem.X) if isinstance(basis, ExactBasis) else ""
-    return failure and f" {failure}"
 
 
 def powers_used(

@@ -214,17 +214,13 @@ class CollapsedPosterior(PowerScaledPosterior):
         mean, precision = self._prior
         sd = precision**-0.5
         u = np.zeros((1, self.n_dimensions))
-        if self._few and not self._with_runs:
+        if self._few and not self._runs.any():
             rows, log_noise = self._measured_rows(u)
             rows = np.sqrt(self.measured_power) * rows[0]
             rounding = self.measured_power * self._rounding
             return few_rows(rows, mean, sd, rounding, float(log_noise[0]))
         gram, log_noise = self._gram(u)
         return fixed_rows(gram[0], mean, sd, float(log_noise[0]))
-
-    @property
-    def _with_runs(self) -> bool:
-        return self.simulation is not None and bool(self.simulation_power)
 
     @property
     def _few(self) -> bool:
@@ -320,8 +316,7 @@ class CollapsedPosterior(PowerScaledPosterior):
                 np.matmul(np.swapaxes(formed, 1, 2), formed, out=out)
             out[:, -1, -1] += self._rounding
             out *= self.measured_power
-        if self._with_runs:
-            out += self._runs
+        out += self._runs
         return out, log_noise
 
     @cached_property
