@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -49,15 +49,6 @@ def catalogue(
     skipped = [Skipped(kind, None, "you excluded it") for kind in excluded]
     own = {(cause.kind, cause.variant, cause.target) for cause in extra}
 
-    def skip(form: Form, target: str | None, reason: str) -> None:
-        # the form where it is not the plain one
-        word = form.name.partition(": ")[2].partition(",")[0]
-        whole = f"{word}: {reason}" if word and not reason.startswith(word) else reason
-        one = Skipped(form.kind, target, whole)
-        # what the plain form lacks is not said again of another form of its kind
-        if one not in skipped and Skipped(form.kind, target, reason) not in skipped:
-            skipped.append(one)
-
     users = [(FORMS.get(cause.kind, Form(cause.kind, type(cause))), cause) for cause in extra]
     built_in = [
         (form, cause)
@@ -66,16 +57,23 @@ def catalogue(
         for cause in form.propose(context)
         if (cause.kind, cause.variant, cause.target) not in own
     ]
+    left_out: list[tuple[Form, str | None, str]] = []
     for form, cause in (*built_in, *users):
-        reason = _reason_to_skip(form, cause, context)
-        if reason:
-            skip(form, cause.target, reason)
+        if reason := _reason_to_skip(form, cause, context):
+            left_out.append((form, cause.target, reason))
         else:
             causes.append(cause.prepare(context))
     for form in FORMS.values():
         if form.kind not in excluded:
-            for target, reason in form.lacking(context):
-                skip(form, target, reason)
+            left_out += [(form, target, reason) for target, reason in form.lacking(context)]
+    for form, target, reason in left_out:
+        # the form where it is not the plain one
+        word = form.name.partition(": ")[2].partition(",")[0]
+        whole = f"{word}: {reason}" if word and not reason.startswith(word) else reason
+        one = Skipped(form.kind, target, whole)
+        # what the plain form lacks is not said again of another form of its kind
+        if one not in skipped and replace(one, reason=reason) not in skipped:
+            skipped.append(one)
     return causes, skipped
 
 

@@ -14,6 +14,7 @@ import os
 import sys
 import time
 import warnings
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -100,7 +101,7 @@ def without_own(data: DataSet, found: Search) -> tuple[hs.Cause, float]:
     """Return who leads a search, and with what probability, where own causes are left out."""
     own = {cause.kind for cause in data.own}
     kept = [weighed for weighed in found.candidates if weighed.kind not in own]
-    rest = found.reweighed(kept)
+    rest = replace(found, candidates=kept)
     best, probability = rest.leader, rest.probability
     return kept[best].cause, float(probability[best] / (1 - probability[0]))
 

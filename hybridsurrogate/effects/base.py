@@ -103,6 +103,9 @@ def check_arguments(cause: Cause) -> None:
             check(value, f"{one.name} of {kind.__name__}")
 
 
+# the form of a cause for an argument and its value
+Forms = Mapping[tuple[str, Any], str]
+
 Act = Literal["inputs", "gain", "response", "noise", "outliers", "overdispersion"]
 
 # the name under which `Cause.noise` finds the simulation's output, where it asks for it
@@ -567,15 +570,26 @@ class Declared(Cause):
         The argument that is the target; "": there is none.
     unknowns : tuple of str
         The arguments that are priors of its parameters.
+    forms : dict of (str, value) to str
+        Its variant where an argument has such a value.
     """
 
     about: str = ""
     unknowns: tuple[str, ...] = ()
+    forms: ClassVar[Forms] = {}
 
     @property
     def target(self) -> str | None:  # type: ignore[override]
         """The input, parameter, constant or column concerned."""
         return getattr(self, self.about) if self.about else None
+
+    @property
+    def variant(self) -> str:
+        """The form that its arguments choose."""
+        chosen = (
+            form for (name, value), form in self.forms.items() if getattr(self, name) == value
+        )
+        return next(chosen, "")
 
     @property
     def parameters(self) -> Mapping[str, Prior]:  # type: ignore[override]

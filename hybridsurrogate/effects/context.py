@@ -80,11 +80,6 @@ class Axis:
         return len(self.rows) > 0
 
     @property
-    def end(self) -> float:
-        """The largest value."""
-        return float(self.rows[-1])
-
-    @property
     def location_prior(self) -> Prior:
         """A place that is uniform over the rows."""
         return frozen(stats.uniform, loc=self.origin, scale=self.span)

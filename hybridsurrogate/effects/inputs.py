@@ -350,24 +350,11 @@ def at_levels(
                 yield make(column, level)
 
 
-def _from_zero(context: Context) -> Iterator[Cause]:
-    # such as a dose, where the simulation knows none
-    for column in context.extras:
-        if len(np.unique(context.X[column])) > 2 and context.begins_at_zero(column):
-            yield MissingInput(column, center=0.0)
-
-
 def _trouble_with_categories(cause: Cause, context: Context) -> str | None:
     (column,) = cause.reads
     if len(np.unique(context.X[column])) == 2:
         return f"{column} has 2 distinct values: a straight line over it is the same"
     return trouble_with_levels(context, column)
-
-
-def _without_levels(context: Context) -> Iterator[tuple[str, str]]:
-    for column in context.ignored:
-        if trouble := trouble_with_levels(context, column):
-            yield column, f"level: {trouble}"
 
 
 register(
@@ -412,7 +399,11 @@ register(
             context.ignored,
         ),
         meaning="{output} is off where {target} has one of its values",
-        lacking=_without_levels,
+        lacking=lambda context: (
+            (column, f"level: {trouble}")
+            for column in context.ignored
+            if (trouble := trouble_with_levels(context, column))
+        ),
         headline=(
             "{output} is {amplitude:size} {amplitude:above|below} the simulation "
             "where {target} is {level}"
@@ -425,5 +416,14 @@ register(
         least_distinct=3,
         only_alone=True,
     ),
-    Form("missing-input: from zero", MissingInput, _from_zero),
+    Form(
+        "missing-input: from zero",
+        MissingInput,
+        # such as a dose, where the simulation knows none
+        lambda context: (
+            MissingInput(column, center=0.0)
+            for column in context.extras
+            if len(np.unique(context.X[column])) > 2 and context.begins_at_zero(column)
+        ),
+    ),
 )

@@ -206,7 +206,8 @@ def _power_scaled_path(task: FitTask, grid: FloatArray, progress: bool) -> BetaP
     out: dict[int, Any] = {}
     refitted, khat = np.zeros(len(grid), dtype=bool), np.full(len(grid), np.nan)
     # from the middle outwards: there both sources speak, and the ends are its neighbours
-    for k in counted(_outwards(grid), "Weights beta", progress):
+    outwards = np.argsort(np.abs(grid - 0.5), kind="stable").tolist()
+    for k in counted(outwards, "Weights beta", progress):
         one = task.with_settings(beta=float(grid[k]))
         n, random = int(one.estimator.n_draws), one.random_state()
         source = _nearest(out, grid, k)
@@ -224,11 +225,6 @@ def _power_scaled_path(task: FitTask, grid: FloatArray, progress: bool) -> BetaP
         out[k] = one.fitted_by(fit)
         fit.diagnostics.warn()
     return BetaPath(grid, [out[k] for k in range(len(grid))], refitted, khat)
-
-
-def _outwards(grid: FloatArray) -> list[int]:
-    order = np.argsort(np.abs(grid - 0.5), kind="stable")
-    return [int(k) for k in order]
 
 
 def _nearest(out: dict[int, Any], grid: FloatArray, k: int) -> int | None:

@@ -195,6 +195,18 @@ class PowerScaledSurrogate(SurrogateEstimator):
         out.posterior_ = with_prior_only(self.posterior_, self.inference_.problem, effects)
         return out
 
+    def _run_weights(self, data: MeasuredData) -> FloatArray | None:
+        """Return powers of the likelihoods of single runs, None where all are the same."""
+        if callable(self.beta) and isinstance(data.simulation, SimulationData):
+            return powers_of(self._beta_at(self.beta, data.simulation.X))[0]
+        return None
+
+    def _powers(self, X: FloatArray) -> tuple[float, float | FloatArray]:
+        """Return `FitTask.powers` at distinct measured rows X (n, n_columns)."""
+        if not callable(self.beta):
+            return powers_of(float(self.beta))
+        return 1.0, powers_of(self._beta_at(self.beta, X))[1]
+
     def _learned_effects(self, data: MeasuredData) -> tuple[Cause, ...]:
         """Return the effects that rows inform: the user's, then what differs by experiment."""
         learned = (effect for effect in as_causes(self.effects) if effect.is_learned)
@@ -240,11 +252,8 @@ class FitTask:
         """Return the task of an estimator and data that its `checked_data` returned."""
         surrogate, likelihood = estimator.checked_settings()
         data = data.leaving_out(as_causes(estimator.effects))
-        beta, runs, weights = estimator.beta, data.simulation, None
-        if callable(beta) and isinstance(runs, SimulationData):
-            weights = powers_of(estimator._beta_at(beta, runs.X))[0]
         settings = surrogate, likelihood, estimator.noise_prior
-        plain = plain_problem(data, *settings, run_weights=weights)
+        plain = plain_problem(data, *settings, run_weights=estimator._run_weights(data))
         problem = plain.with_effects(estimator._learned_effects(data))
         return cls(estimator, surrogate, likelihood, data, plain, problem)
 
@@ -257,10 +266,7 @@ class FitTask:
     @property
     def powers(self) -> tuple[float, float | FloatArray]:
         """alpha_S and alpha_R; a weight that changes with x is in the rows' powers."""
-        beta = self.estimator.beta
-        if not callable(beta):
-            return powers_of(float(beta))
-        return 1.0, powers_of(self.estimator._beta_at(beta, self.data.distinct.X))[1]
+        return self.estimator._powers(self.data.distinct.X)
 
     def with_effects(self, effects: Sequence[Cause]) -> FitTask:
         """Return the task of other effects; the data are as they are, but for rows left out."""

@@ -88,23 +88,17 @@ def effects_at_prior_ends(posterior: Posterior, n: int) -> list[AtPriorEnd]:
 def _at_ends(found: Iterable[tuple[tuple[str, Prior], FloatArray]]) -> list[AtPriorEnd]:
     out = []
     for (name, prior), draws in found:
-        for side in ("low", "high"):
-            if _pushed(prior, draws, side):
-                end = float(prior.ppf(_OUTERMOST if side == "low" else 1 - _OUTERMOST))
-                out.append(AtPriorEnd(name, side, float(np.mean(draws)), end))
+        below, mean, sd = prior.cdf(draws), float(np.mean(draws)), float(np.std(draws))
+        usual = float(np.diff(prior.ppf([0.16, 0.84]))[0]) / 2
+        for side, share, end in zip(
+            ("low", "high"), (below, 1 - below), prior.support(), strict=True
+        ):
+            outermost = np.mean(share < _OUTERMOST) > _HELD
+            if outermost or abs(mean - end) < _PILED_UP * sd < _PILED_UP * usual / 2:
+                beyond = float(prior.ppf(_OUTERMOST if side == "low" else 1 - _OUTERMOST))
+                out.append(AtPriorEnd(name, side, mean, beyond))
                 break
     return out
-
-
-def _pushed(prior: Prior, draws: FloatArray, side: str) -> bool:
-    below = prior.cdf(draws)
-    share = below if side == "low" else 1 - below
-    if np.mean(share < _OUTERMOST) > _HELD:
-        return True
-    end = prior.support()[side == "high"]
-    sd = float(np.std(draws))
-    usual = float(np.diff(prior.ppf([0.16, 0.84]))[0]) / 2
-    return bool(abs(float(np.mean(draws)) - end) < _PILED_UP * sd < _PILED_UP * usual / 2)
 
 
 def carried_step(
@@ -230,15 +224,11 @@ def fit_problem(
         try:
             drawn = first_step(make_target(problem, *powers), sampler, n_draws, random_state)
         except NothingPossibleError as error:
-            raise ValueError(f"{error}{_failure(problem)}") from None
+            # how a simulation that is its own surrogate failed
+            basis = problem.model.basis
+            failure = basis.simulate.failure(problem.X) if isinstance(basis, ExactBasis) else ""
+            raise ValueError(f"{error} {failure}".rstrip()) from None
         return _finish(problem, powers, drawn, random_state)
-
-
-def _failure(problem: Problem) -> str:
-    """Return how a simulation that is its own surrogate failed, with a space before it."""
-    basis = problem.model.basis
-    failure = basis.simulate.failure(problem.X) if isinstance(basis, ExactBasis) else ""
-    return failure and f" {failure}"
 
 
 def powers_used(

@@ -168,19 +168,6 @@ def spread(values: FloatArray, weights: FloatArray | None = None) -> float:
     return size or 1.0
 
 
-def within_outputs(
-    X: FloatArray, eta: FloatArray, weights: FloatArray, stacking: Stacking | None
-) -> FloatArray:
-    """Return outputs eta (n,) less the mean of each of several: these have no level in common."""
-    if stacking is None:
-        return eta
-    out = eta.copy()
-    for k in range(len(stacking.names)):
-        here = X[:, stacking.at] == k
-        out[here] -= np.average(eta[here], weights=weights[here])
-    return out
-
-
 @dataclass(frozen=True, eq=False)
 class PlainProblem:
     """A problem without causes, and what it takes to add some: built once for many sets of them.
@@ -398,7 +385,12 @@ def _measured(
 ) -> tuple[FloatArray, float, Prior]:
     """Return y on the scale of eta, its spread, and the prior of sigma."""
     eta = likelihood.working(y)
-    scale = spread(within_outputs(X, eta, weights, stacking), weights)
+    within = eta.copy()
+    if stacking is not None:
+        for k in range(len(stacking.names)):  # several outputs have no level in common
+            here = X[:, stacking.at] == k
+            within[here] -= np.average(eta[here], weights=weights[here])
+    scale = spread(within, weights)
     prior = likelihood.noise_prior(scale) if noise_prior is None else noise_prior
     return eta, scale, prior if errors is None else errors.noise_prior(prior, noise_prior is None)
 

@@ -33,11 +33,8 @@ def with_remainder(
     before, after : PowerScaledSurrogate
         Fitted to the same rows; after has causes as effects.
     """
-    rows, stacking, column = (
-        before.data_.single.X,
-        before.data_.stacking,
-        after.data_.experiments.column,
-    )
+    rows, stacking = before.data_.single.X, before.data_.stacking
+    column = after.data_.experiments.column
     # errors that rows share leave the simulation the same in all
     effects = [one for one in after.posterior_.model.effects if one.changes_output]
     by = column if any(column in one.reads for one in effects) else None
@@ -47,11 +44,13 @@ def with_remainder(
     change = change - np.mean(before.posterior_.eta(rows)[0], axis=0)
     names = ("",) if stacking is None else stacking.names
     which = np.zeros(len(rows)) if stacking is None else rows[:, stacking.at]
-    sizes = [float(np.sqrt(np.mean(change[which == k] ** 2))) for k in range(len(names))]
-    # of several outputs one for each; none of what did not change
-    some = [(name, size) for name, size in zip(names, sizes, strict=True) if 0 < size < np.inf]
-    remainders = [(name, Remainder(size, least, by=by)) for name, size in some]
-    return after.with_prior_only([InOutput(one, name) if name else one for name, one in remainders])
+    remainders: list[Cause] = []
+    for k, name in enumerate(names):
+        size = float(np.sqrt(np.mean(change[which == k] ** 2)))
+        if 0 < size < np.inf:  # else nothing has changed
+            one = Remainder(size, least, by=by)
+            remainders.append(one if stacking is None else InOutput(one, name))
+    return after.with_prior_only(remainders)
 
 
 # alternatives, and nodes of each (a period, a location), that an answer looks at
@@ -92,18 +91,10 @@ class Predictions(NamedTuple):
     weight: FloatArray
     alternative: NDArray[np.intp]
 
-    @property
-    def total_variance(self) -> FloatArray:
-        """Variance of a measured value, (C, m)."""
-        return np.asarray(self.variance + np.sum(self.loadings**2, axis=2))
-
-    def at(self, rows: Any) -> Predictions:
-        """Return some of the rows."""
-        return self._replace(
-            mean=self.mean[:, rows],
-            loadings=self.loadings[:, rows],
-            variance=self.variance[:, rows],
-        )
+    def variance_at(self, rows: Any) -> FloatArray:
+        """Return the variance of a measured value at some of the rows, (C, ...)."""
+        loadings = self.loadings[:, rows]
+        return np.asarray(self.variance[:, rows] + np.sum(loadings**2, axis=-1))
 
     def of(self, components: NDArray[np.bool_]) -> Predictions:
         """Return some of the components, their weights sharing all."""
@@ -231,22 +222,21 @@ def averaged_over(
     fitted : callable
         Returns the estimator fitted with causes as effects.
     """
-    sets, shares = explanations(steps)
-
-    def reaching(causes: Causes) -> PowerScaledSurrogate:
-        model = fitted(causes)
-        # excluded rows carry no information on the simulation elsewhere
-        in_data = all(cause.concerns == "data" for cause in causes)
-        return model if in_data else with_remainder(before, model)
-
-    models, weights = [reaching(sets[0])], shares[:1]
-    for causes, share in zip(sets[1:], shares[1:], strict=True):
+    models: list[PowerScaledSurrogate] = []
+    weights: list[float] = []
+    for causes, share in zip(*explanations(steps), strict=True):
         try:
             with warnings.catch_warnings():
-                # of the rows the first fit has warned; doubtful draws are in the report
-                warnings.simplefilter("ignore", HybridSurrogateWarning)
-                model = reaching(causes) if causes else before
+                if models:
+                    # of the rows the first fit has warned; doubtful draws are in the report
+                    warnings.simplefilter("ignore", HybridSurrogateWarning)
+                model = fitted(causes) if causes else before
+                # excluded rows carry no information on the simulation elsewhere
+                if not all(cause.concerns == "data" for cause in causes):
+                    model = with_remainder(before, model)
         except ValueError as error:
+            if not models:
+                raise
             warnings.warn(
                 f"{' and '.join(cause.name for cause in causes)}, with {100 * share:.0f} % of the "
                 f"probability, could not be fitted and is not averaged over: {error}",

@@ -212,7 +212,8 @@ def batch(result: Search, places: FloatArray, n: int, cost: FloatArray) -> list[
     """
     components = components_of(result)
     known = predictions_at(result, components, places)
-    valid = np.isfinite(known.mean).all(axis=0) & np.isfinite(known.total_variance).all(axis=0)
+    finite = np.isfinite(known.mean) & np.isfinite(known.variance_at(slice(None)))
+    valid = finite.all(axis=0)
     # a smooth curve does not extrapolate where measurements end: see information_at
     blind = is_smooth(components, known.alternative)[:, None] & ~_between_measured(result, places)
     random = np.random.RandomState(0)
@@ -256,7 +257,7 @@ def _seen(
 def _value(
     known: Predictions, mean: FloatArray, source: NDArray[np.intp], k: int, noise: FloatArray
 ) -> FloatArray:
-    sd = np.sqrt(known.at(np.array([k])).total_variance[:, 0])
+    sd = np.sqrt(known.variance_at(k))
     return np.asarray(mean[np.arange(len(source)), source, k] + sd[source] * noise)
 
 
@@ -269,7 +270,7 @@ def _log_density(
     odds: FloatArray,
 ) -> FloatArray:
     """Return the log density of values y (N,) at place k under each component, (N, C)."""
-    variance = known.at(np.array([k])).total_variance[:, 0]
+    variance = known.variance_at(k)
     out = -0.5 * (y[:, None] - mean[:, :, k]) ** 2 / variance - 0.5 * np.log(variance)
     if blind.any() and not blind.all():
         share = np.where(blind, -np.inf, odds)
@@ -345,14 +346,15 @@ def _of_rows(
         share = float(known.weight[~smooth].sum())
         known = known.of(~smooth)
     # a simulation may fail at a place, and a measurement there would give no information
-    valid = np.isfinite(known.mean).all(axis=0) & np.isfinite(known.total_variance).all(axis=0)
+    variance = known.variance_at(slice(None))
+    valid = (np.isfinite(known.mean) & np.isfinite(variance)).all(axis=0)
     out = np.zeros(len(grid))
     n_values = _VALUES if inside else _VALUES_BEYOND
     where = np.flatnonzero(valid)
     for some in blocks(len(where), len(known.weight) ** 2 * n_values, LARGE_BLOCK):
-        rows = known.at(where[some])
-        bits = _mutual(rows.mean, rows.total_variance, rows.weight, rows.alternative, n_values)
-        out[where[some]] = share * bits
+        rows = where[some]
+        args = known.mean[:, rows], variance[:, rows], known.weight, known.alternative
+        out[rows] = share * _mutual(*args, n_values)
     return out
 
 

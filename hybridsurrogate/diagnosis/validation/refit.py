@@ -164,8 +164,11 @@ class Refit:
         kind = in_one_word([step.chosen.kind for step in steps])
         if not accepted(steps):
             return Pair(before, before, kind)
-        found, elsewhere = accepted(steps), self._elsewhere()
-        known = as_causes(self.estimator.effects)
+        found, known = accepted(steps), as_causes(self.estimator.effects)
+        # the extensions that were fitted to all rows, by the causes in them
+        after = self.fitted.after
+        models = after.estimators_ if isinstance(after, AveragedSurrogate) else []
+        elsewhere = {_forms(added_causes(one, self.estimator)): one for one in models}
 
         def fitted(causes: tuple[Cause, ...]) -> PowerScaledSurrogate:
             fit = quickly_fitted if causes == found else coarsely_fitted
@@ -173,12 +176,6 @@ class Refit:
             return fit(extended, elsewhere.get(_forms(causes)))
 
         return Pair(before, averaged_over(steps, before, fitted), kind)
-
-    def _elsewhere(self) -> dict[tuple[tuple[str, str], ...], PowerScaledSurrogate]:
-        """Return the extensions that were fitted to all rows, by the causes in them."""
-        after = self.fitted.after
-        models = after.estimators_ if isinstance(after, AveragedSurrogate) else []
-        return {_forms(added_causes(one, self.estimator)): one for one in models}
 
 
 def _forms(causes: Sequence[Cause]) -> tuple[tuple[str, str], ...]:

@@ -139,7 +139,7 @@ class Noise(OverColumn):
     def ends(self) -> tuple[float, float]:
         """The places beyond which it stays the same."""
         reach = _BEYOND * self.axis.span
-        return self.axis.origin - reach, self.axis.end + reach
+        return self.axis.origin - reach, float(self.axis.rows[-1]) + reach
 
     def prepare(self, context: Context) -> Cause:
         """Fill in the axis and the prior."""

@@ -6,13 +6,22 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from itertools import combinations
 from math import comb
-from typing import NamedTuple
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy import stats
 
-from hybridsurrogate.effects.base import ROW, Cause, Context, Declared, FloatArray, Rows, quantiles
+from hybridsurrogate.effects.base import (
+    ROW,
+    Cause,
+    Context,
+    Declared,
+    FloatArray,
+    Forms,
+    Rows,
+    quantiles,
+)
 from hybridsurrogate.effects.expressions import Code
 from hybridsurrogate.effects.registry import Form, register
 from hybridsurrogate.likelihoods.student_t import LARGEST, SMALLEST
@@ -82,6 +91,7 @@ class GrossError(Declared):
     """
 
     kind = "gross-error"
+    forms: ClassVar[Forms] = {("n_rows", 2): "two rows"}
     concerns = "data"
     # the simulation is right
     changes_output = False
@@ -91,11 +101,6 @@ class GrossError(Declared):
     table: FloatArray | None = None
     columns_of_table: tuple[str, ...] = ()
     sets: NDArray[np.intp] | None = None
-
-    @property
-    def variant(self) -> str:
-        """How many rows, where it is not one."""
-        return "" if self.n_rows == 1 else "two rows"
 
     @property
     def name(self) -> str:

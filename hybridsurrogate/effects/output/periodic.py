@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 from scipy import stats
 
-from hybridsurrogate.effects.base import Cause, Context, FloatArray, Rows
+from hybridsurrogate.effects.base import Cause, Context, FloatArray, Forms, Rows
 from hybridsurrogate.effects.context import (
     LONGEST_PERIOD,
     UNKNOWN,
@@ -59,17 +60,13 @@ class Periodic(OverColumn):
     """
 
     kind = "periodic"
+    forms: ClassVar[Forms] = {("harmonics", 2): "overtone"}
     unknowns = ("period",)
 
     column: str
     period: Prior | None = None
     harmonics: int = 1
     axis: Axis = UNKNOWN
-
-    @property
-    def variant(self) -> str:
-        """Whether there is an overtone."""
-        return "overtone" if self.harmonics == 2 else ""
 
     @property
     def coefficients(self) -> tuple[str, ...]:  # type: ignore[override]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -347,12 +347,6 @@ class CurveByExperiment(OverColumn):
         )
 
 
-def _own_curves(context: Context) -> Iterator[Cause]:
-    for by in context.labels:
-        if not is_of_calendar(by):
-            yield from (CurveByExperiment(column, by) for column in context.inputs)
-
-
 def _trouble(cause: Cause, context: Context) -> str | None:
     assert isinstance(cause, CurveByExperiment)
     places, experiments = context.column(cause.column), context.column(cause.by)
@@ -369,7 +363,12 @@ register(
     Form(
         "curve-by-experiment",
         CurveByExperiment,
-        _own_curves,
+        lambda context: (
+            CurveByExperiment(column, by)
+            for by in context.labels
+            if not is_of_calendar(by)
+            for column in context.inputs
+        ),
         meaning=(
             "{output} deviates by a smooth curve over {column} that differs between "
             "experiments: correlated errors, or something that the simulation ignores"
@@ -487,21 +486,16 @@ class Remainder(Declared):
         """Return the standard deviation beyond each end, (n, q)."""
         sides = []
         for name, (low, high) in (self.ranges or {}).items():
-            first, last = self._ends_of_rows(name, X)
+            first, last = (np.full(len(X[name]), end) for end in (low, high))
+            if self.by is not None:  # the range of its experiment, where a row has one
+                for level, ends in (self.own or {}).get(name, {}).items():
+                    of_level = X[self.by] == level
+                    first[of_level], last[of_level] = ends
             for distance in (first - X[name], X[name] - last):
                 sides.append((np.maximum(distance, 0.0) / (high - low)) ** GROWTH)
         if not sides:
             return np.empty((len(theta["amplitude"]), 0))
         return np.stack(sides, axis=1) * np.reshape(theta["amplitude"], (-1, 1))
-
-    def _ends_of_rows(self, name: str, X: Rows) -> tuple[FloatArray, FloatArray]:
-        """Return the measured range of an input for each row, its experiment's where it has one."""
-        low, high = (np.full(len(X[name]), end) for end in (self.ranges or {})[name])
-        if self.by is not None:
-            for level, (first, last) in (self.own or {}).get(name, {}).items():
-                of_level = X[self.by] == level
-                low[of_level], high[of_level] = first, last
-        return low, high
 
 
 def _ends(values: FloatArray) -> tuple[float, float]:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import stats
 
-from hybridsurrogate.effects.base import Act, Cause, Context, FloatArray, Rows
+from hybridsurrogate.effects.base import Act, Cause, Context, FloatArray, Forms, Rows
 from hybridsurrogate.effects.context import MOST_GAPS, UNKNOWN, Axis
 from hybridsurrogate.effects.expressions import Code
 from hybridsurrogate.effects.over_column import FromOrigin, Located
@@ -190,16 +190,12 @@ class Episode(Located):
     """
 
     kind = "episode"
+    forms: ClassVar[Forms] = {("factor", True): "factor"}
 
     column: str
     location: Prior | None = None
     axis: Axis = UNKNOWN
     factor: bool = False
-
-    @property
-    def variant(self) -> str:
-        """Whether it multiplies."""
-        return "factor" if self.factor else ""
 
     @property
     def coefficients(self) -> tuple[str, ...]:  # type: ignore[override]
@@ -477,6 +473,7 @@ class Step(Located):
     """
 
     kind = "step"
+    forms: ClassVar[Forms] = {("before", True): "before"}
     coefficients = ("amplitude",)
     unknowns = ("location",)
     units: ClassVar[Mapping[str, str]] = {"location": "{x}", "amplitude": "{y}"}
@@ -485,11 +482,6 @@ class Step(Located):
     location: Prior | None = None
     before: bool = False
     axis: Axis = UNKNOWN
-
-    @property
-    def variant(self) -> str:
-        """On which side the level is off, where it is not the usual one."""
-        return "before" if self.before else ""
 
     def grid(self) -> dict[str, FloatArray]:
         """Return the gaps between neighbouring rows; of many rows two locations a distance."""

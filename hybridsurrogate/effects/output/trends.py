@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from itertools import combinations
 from typing import ClassVar
 
 import numpy as np
 
-from hybridsurrogate.effects.base import Cause, Context, Declared, FloatArray, Rows
+from hybridsurrogate.effects.base import Cause, Context, Declared, FloatArray, Forms, Rows
 from hybridsurrogate.effects.context import UNKNOWN, Axis
 from hybridsurrogate.effects.expressions import Code
 from hybridsurrogate.effects.inputs import at_levels
@@ -45,17 +45,13 @@ class Interaction(Declared):
     """
 
     kind = "interaction"
+    forms: ClassVar[Forms] = {("centers", (0.0, 0.0)): "from zero"}
     coefficients = ("slope",)
 
     first: str
     second: str
     centers: tuple[float, float] | None = None
     axes: tuple[Axis, Axis] = (UNKNOWN, UNKNOWN)
-
-    @property
-    def variant(self) -> str:
-        """Whether the product is one of the columns as they are."""
-        return "from zero" if self.centers == (0.0, 0.0) else ""
 
     @property
     def target(self) -> str:  # type: ignore[override]
@@ -111,12 +107,6 @@ class Interaction(Declared):
         )
 
 
-def _from_zero(context: Context) -> Iterator[Cause]:
-    for pair in combinations(context.inputs, 2):
-        if all(map(context.begins_at_zero, pair)):
-            yield Interaction(*pair, centers=(0.0, 0.0))
-
-
 register(
     Form(
         "interaction",
@@ -129,7 +119,15 @@ register(
         ),
         headline="The simulation misses that {target} act together on {output}",
     ),
-    Form("interaction: from zero", Interaction, _from_zero),
+    Form(
+        "interaction: from zero",
+        Interaction,
+        lambda context: (
+            Interaction(*pair, centers=(0.0, 0.0))
+            for pair in combinations(context.inputs, 2)
+            if all(map(context.begins_at_zero, pair))
+        ),
+    ),
 )
 
 
@@ -200,19 +198,17 @@ class Offset(AtLevel):
         return self.code_at_level("{amplitude} * ({x} == {level})", {"amplitude": "{y}"})
 
 
-def _trouble_on_log_scale(cause: Cause, context: Context) -> str | None:
-    if cause.target is None and context.log_scale:
-        return "on a logarithmic scale a constant is a factor, compared as gain"
-    return None
-
-
 register(
     Form(
         "offset",
         Offset,
         lambda context: [Offset()],
         meaning="{output} is measured higher or lower than simulated by the same amount everywhere",
-        trouble=_trouble_on_log_scale,
+        trouble=lambda cause, context: (
+            "on a logarithmic scale a constant is a factor, compared as gain"
+            if cause.target is None and context.log_scale
+            else None
+        ),
         headline="{output} is {amplitude:size} {amplitude:above|below} the simulation everywhere",
     ),
     Form(
@@ -257,15 +253,11 @@ class Trend(OverColumn):
     """
 
     kind = "trend"
+    forms: ClassVar[Forms] = {("degree", 2): "quadratic"}
 
     column: str
     degree: int = 1
     axis: Axis = UNKNOWN
-
-    @property
-    def variant(self) -> str:
-        """Quadratic, or plain."""
-        return "quadratic" if self.degree == 2 else ""
 
     @property
     def coefficients(self) -> tuple[str, ...]:  # type: ignore[override]

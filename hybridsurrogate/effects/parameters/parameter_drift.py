@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
+from itertools import product
 from typing import NamedTuple
 
 import numpy as np
@@ -278,17 +279,9 @@ def _over_inputs(shape: str) -> Callable[[Context], Iterator[Cause]]:
     return propose
 
 
-def _over_extras(context: Context) -> Iterator[Cause]:
-    for column in context.extras:
-        for parameter in context.parameters:
-            yield ParameterDrift(parameter, column)
-
-
-def _exponentials(context: Context) -> Iterator[Cause]:
-    positive = {name for name, prior in context.parameters.items() if prior.support()[0] >= 0}
-    for drift in (*_over_inputs("linear")(context), *_over_extras(context)):
-        if drift.target in positive:
-            yield drift.filled(shape="exponential")
+def _over_extras(context: Context) -> list[Cause]:
+    pairs = product(context.extras, context.parameters)
+    return [ParameterDrift(parameter, column) for column, parameter in pairs]
 
 
 def _lacking(context: Context) -> Iterator[tuple[str | None, str]]:
@@ -313,7 +306,12 @@ register(
     Form(
         "parameter-drift: exponential",
         ParameterDrift,
-        _exponentials,
+        # of parameters that are never negative
+        lambda context: (
+            drift.filled(shape="exponential")
+            for drift in (*_over_inputs("linear")(context), *_over_extras(context))
+            if context.parameters[str(drift.target)].support()[0] >= 0
+        ),
         least_distinct=3,
     ),
 )

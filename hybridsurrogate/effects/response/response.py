@@ -9,7 +9,15 @@ from typing import ClassVar
 import numpy as np
 from scipy import stats
 
-from hybridsurrogate.effects.base import Cause, Context, Declared, FloatArray, Rows, quantiles
+from hybridsurrogate.effects.base import (
+    Cause,
+    Context,
+    Declared,
+    FloatArray,
+    Forms,
+    Rows,
+    quantiles,
+)
 from hybridsurrogate.effects.context import UNKNOWN, UNMEASURED, Axis, OutputScale
 from hybridsurrogate.effects.expressions import Code
 from hybridsurrogate.effects.over_column import Located
@@ -231,16 +239,12 @@ class Limit(Declared):
     """
 
     kind = "limit"
+    forms: ClassVar[Forms] = {("below", True): "below"}
     unknowns = ("limit",)
 
     below: bool = False
     limit: Prior | None = None
     measured: OutputScale = UNMEASURED
-
-    @property
-    def variant(self) -> str:
-        """On which side nothing is, where it is not the usual one."""
-        return "below" if self.below else ""
 
     def prepare(self, context: Context) -> Cause:
         """Fill in the prior from where the output is."""

@@ -41,7 +41,7 @@ from hybridsurrogate.inference.sampling.importance import (
     mixture_points,
     moment_match,
 )
-from hybridsurrogate.inference.sampling.modes import Gaussian, find_modes
+from hybridsurrogate.inference.sampling.modes import Gaussian, LogDensity, find_modes
 from hybridsurrogate.inference.sampling.settings import MOST_PROPOSALS, SETTINGS
 from hybridsurrogate.model.posterior import LEAST_EFFECTIVE
 from hybridsurrogate.model.problem import Problem
@@ -203,12 +203,10 @@ def _by_proposals(
         first_step, starts = coordinates.of(first_step), coordinates.of(starts)
 
     plain = _as_is if coordinates is None else coordinates.points
-
-    def at_centre_of(points: FloatArray) -> FloatArray:
-        u, log_volume = plain(points)
-        return at_centre(u) + log_volume
-
-    modes = find_modes(at_centre_of, starts)
+    density: LogDensity = at_centre
+    if coordinates is not None:
+        density = partial(coordinates.density, at_centre)
+    modes = find_modes(density, starts)
     n = max(SETTINGS.oversampling * len(first_step), SETTINGS.min_proposals)
     found = _weighted(
         problem,

@@ -173,23 +173,20 @@ class CollapsedPosterior(PowerScaledPosterior):
         # far below the rounding of the data, where a square of sigma would underflow
         possible = np.isfinite(out) & (np.exp(u[:, -1]) > SINGULAR * self.scale)
         out[~possible] = -np.inf
+        n_simulation = self.simulation.n if self.simulation else 0
+        weight = self.simulation_power * n_simulation + self.measured_power * self.weights.sum()
         # where a cause makes the noise of some rows vanish, their squares are infinite
         with np.errstate(over="ignore", invalid="ignore"):
-            out[possible] += self._log_likelihood(u[possible])
+            log_det, rest, log_noise = self._marginal(u[possible])
+            out[possible] += (
+                -0.5 * weight * (_LOG_2PI + 2 * u[possible, -1])
+                - self.measured_power * log_noise
+                - 0.5 * log_det
+                - 0.5 * rest
+            )
         return np.where(np.isfinite(out), out, -np.inf)
 
     extended_log_density = joint_log_density = search_density
-
-    def _log_likelihood(self, u: FloatArray) -> FloatArray:
-        log_det, rest, log_noise = self._marginal(u)
-        n_simulation = self.simulation.n if self.simulation else 0
-        weight = self.simulation_power * n_simulation + self.measured_power * self.weights.sum()
-        return (
-            -0.5 * weight * (_LOG_2PI + 2 * u[:, -1])
-            - self.measured_power * log_noise
-            - 0.5 * log_det
-            - 0.5 * rest
-        )
 
     def _marginal(self, u: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return log |Lambda| / |Lambda0|, the quadratic form that is left, log of the noise."""
@@ -217,17 +214,13 @@ class CollapsedPosterior(PowerScaledPosterior):
         mean, precision = self._prior
         sd = precision**-0.5
         u = np.zeros((1, self.n_dimensions))
-        if self._few and not self._with_runs:
+        if self._few and not self._runs.any():
             rows, log_noise = self._measured_rows(u)
             rows = np.sqrt(self.measured_power) * rows[0]
             rounding = self.measured_power * self._rounding
             return few_rows(rows, mean, sd, rounding, float(log_noise[0]))
         gram, log_noise = self._gram(u)
         return fixed_rows(gram[0], mean, sd, float(log_noise[0]))
-
-    @property
-    def _with_runs(self) -> bool:
-        return self.simulation is not None and bool(self.simulation_power)
 
     @property
     def _few(self) -> bool:
@@ -323,8 +316,7 @@ class CollapsedPosterior(PowerScaledPosterior):
                 np.matmul(np.swapaxes(formed, 1, 2), formed, out=out)
             out[:, -1, -1] += self._rounding
             out *= self.measured_power
-        if self._with_runs:
-            out += self._runs
+        out += self._runs
         return out, log_noise
 
     @cached_property

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Self
 
 import numpy as np
 
@@ -100,6 +101,10 @@ class PowerScaledPosterior(Target):
     measured_power: float
     noise_prior: Prior
     scale: float
+
+    def with_model(self, model: MeasuredModel) -> Self:
+        """Return the same posterior of another model."""
+        return replace(self, model=model)
 
     @abstractmethod
     def run_statistics(self, hyper: FloatArray) -> Statistics | None:

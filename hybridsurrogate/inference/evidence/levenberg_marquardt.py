@@ -122,7 +122,14 @@ def best_of_global_starts(
     if is_rough and model.basis.is_quick:
         wide = int(np.clip(SETTINGS.population_rows // len(y), _WIDE, SETTINGS.widest_population))
         most = SETTINGS.followed_of_many
-    spread = _spread(model, grid, line[0], wide)
+    # a fixed spread of parameters, size and nodes, those of earlier causes held: the search is
+    # deterministic
+    random = np.random.RandomState(0)
+    spread = np.tile(line[0], (wide, 1))
+    place = [*np.arange(model.n_parameters), *grid.sizes]
+    # far out in a heavy tail an ODE would be solved for many times the measured span
+    spread[:, place] = np.clip(random.standard_normal((wide, len(place))), -_REACH, _REACH)
+    spread[:, grid.nodes] = _at_nodes(model, grid, random.randint(len(grid.points), size=wide))
     z = np.vstack([known, line, spread])
     value = np.concatenate([deviance(known[None]), along, deviance(spread)])
     if is_rough:
@@ -131,18 +138,6 @@ def best_of_global_starts(
         z, value = np.vstack([z, end]), np.append(value, deviance(end[None]))
     best = int(np.argmin(value))
     return z[best] if value[best] < value[0] - _WORTH_FOLLOWING else None
-
-
-def _spread(model: MeasuredModel, grid: Grid, base: FloatArray, n: int) -> FloatArray:
-    """Return places (n, n_unknowns) of parameters, size and nodes, those of earlier causes held."""
-    # a fixed spread, as the search is deterministic
-    random = np.random.RandomState(0)
-    z = np.tile(base, (n, 1))
-    place = [*np.arange(model.n_parameters), *grid.sizes]
-    # far out in a heavy tail an ODE would be solved for many times the measured span
-    z[:, place] = np.clip(random.standard_normal((n, len(place))), -_REACH, _REACH)
-    z[:, grid.nodes] = _at_nodes(model, grid, random.randint(len(grid.points), size=n))
-    return z
 
 
 def _at_nodes(model: MeasuredModel, grid: Grid, index: NDArray[np.intp]) -> FloatArray:

@@ -8,7 +8,7 @@ constant, a slope measured from the value at which it changes nothing.
 from __future__ import annotations
 
 from collections import OrderedDict
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
@@ -114,13 +114,6 @@ class Linearised:
             unit = replace(some, mean=some.mean / factor, G=G, H=H, U=U, noise=None)
             out.append((unit, factor))
         return out
-
-    def whitened(self, whiten: Callable[[FloatArray], FloatArray]) -> Linearised:
-        """Return the model of rows ``whiten(rows)``, last axis, which no known covariance ties."""
-        if not self.U.size:
-            return self
-        G, H = (np.swapaxes(whiten(np.swapaxes(a, 1, 2)), 1, 2) for a in (self.G, self.H))
-        return replace(self, mean=whiten(self.mean), G=G, H=H, U=self.U[:, :0])
 
 
 class Columns(NamedTuple):

@@ -329,7 +329,10 @@ def scan_with_process(
     """
     ((unit, factor),) = parts.by_noise()
     whiten, log_det = _whitener(unit.U, sigma)
-    y, unit = whiten(response / factor)[None], unit.whitened(whiten)
+    y = whiten(response / factor)[None]
+    if unit.U.size:  # then no known covariance ties the rows
+        G, H = (np.swapaxes(whiten(np.swapaxes(a, 1, 2)), 1, 2) for a in (unit.G, unit.H))
+        unit = replace(unit, mean=whiten(unit.mean), G=G, H=H, U=unit.U[:, :0])
     covariances = [
         scaled_covariances(whiten(basis.T / factor).T, process_sizes, sigma) for basis in bases
     ]

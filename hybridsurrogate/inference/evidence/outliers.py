@@ -88,13 +88,10 @@ def as_normal_rows(
 
 def _information(z: FloatArray, share: FloatArray) -> FloatArray:
     """Return the information of residuals about log sigma, as a share of normal rows', (T,)."""
-
-    def squares(log_sigma: float) -> FloatArray:
-        moved = z * np.exp(-log_sigma)
-        return np.sum(precision_at(moved, share) * moved**2, axis=1)
-
-    curvature = (squares(-SHORT_STEP) - squares(SHORT_STEP)) / (2 * SHORT_STEP)
-    return np.maximum(curvature / (2 * squares(0.0)), _LEAST_INFORMATION)
+    moved = [z * np.exp(step) for step in (SHORT_STEP, 0.0, -SHORT_STEP)]
+    more, here, less = (np.sum(precision_at(at, share) * at**2, axis=1) for at in moved)
+    curvature = (more - less) / (2 * SHORT_STEP)
+    return np.maximum(curvature / (2 * here), _LEAST_INFORMATION)
 
 
 def _residuals(

@@ -73,7 +73,11 @@ def ridge_through(target: Target, mode: Gaussian) -> Ridge | None:
     and Georg 1990, Numerical Continuation Methods, chapter 6).
     """
     covariance = mode.factor @ mode.factor.T
-    position = _on_ridge(mode.factor)
+    # of those that are exchanged for others, known far better given these than alone, as what is
+    # loose by itself is not; log sigma, the last, is never exchanged
+    variance = np.sum(mode.factor**2, axis=1)[:-1]
+    exchanged = variance * np.sum(np.linalg.inv(mode.factor) ** 2, axis=0)[:-1]
+    position = int(np.argmax(np.where(exchanged > 0.1 * exchanged.max(), variance, 0.0)))
     others = np.arange(len(mode.mean)) != position
     spread = float(np.sqrt(covariance[position, position]))
     slope = covariance[others, position] / covariance[position, position]
@@ -95,18 +99,6 @@ def ridge_through(target: Target, mode: Gaussian) -> Ridge | None:
     whole[np.ix_(others, others)] = factor[np.abs(s - mean[position]).argmin()]
     curve = CubicSpline(s, np.array([node.x for node in path]))
     return Ridge(position, curve, Gaussian(mean, whole))
-
-
-def _on_ridge(factor: FloatArray) -> int:
-    """Return the unknown of which least is known, of those that are exchanged for others.
-
-    These are known far better given the others than alone, as what is loose by itself is not.
-    """
-    # log sigma, the last, is never exchanged for another unknown
-    variance = np.sum(factor**2, axis=1)[:-1]
-    precision = np.sum(np.linalg.inv(factor) ** 2, axis=0)[:-1]
-    exchanged = variance * precision
-    return int(np.argmax(np.where(exchanged > 0.1 * exchanged.max(), variance, 0.0)))
 
 
 class _Node(NamedTuple):

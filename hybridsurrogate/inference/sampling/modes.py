@@ -37,7 +37,7 @@ def starting_points(
     """Return points u from which an optimiser should climb: best prior draws, best nodes."""
     model = target.model
     bare = replace(model, effects=())
-    base = _best_prior_points(replace(target, model=bare), random_state)
+    base = _best_prior_points(target.with_model(bare), random_state)
     if not model.effects:
         return base
     z, z_hyper = np.split(base[0, :-1], [model.n_parameters])
