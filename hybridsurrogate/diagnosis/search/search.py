@@ -30,6 +30,7 @@ from hybridsurrogate.inference.evidence.marginal_likelihood import LocalMode, sc
 from hybridsurrogate.inference.evidence.settings import SETTINGS
 from hybridsurrogate.model.observation import MeasuredModel
 from hybridsurrogate.model.problem import Problem
+from hybridsurrogate.numerics.linear_algebra import NEGLIGIBLE
 from hybridsurrogate.scoring.scores import COVERAGE_LEVEL
 from hybridsurrogate.types import FloatArray
 
@@ -91,7 +92,7 @@ def best_modes(
 def _followed(context: SearchContext, model: MeasuredModel, grid: Grid, null: Fitted) -> Fitted:
     """Fit a cause whose unknowns are all followed, from many starts."""
     X, y, emulator = context.problem.X, context.problem.y, context.emulator
-    plain, floor = grid.followed(), SETTINGS.exact_fit * null.sigma
+    plain, floor = grid.followed(), NEGLIGIBLE * null.sigma
     z, sigma = best_of_many(model, X, y, emulator, grid, null.mode.z, floor)
     mode = context.climb(model, plain, [z], sigma)
     return context.converge(Fitted(model, plain, mode, sigma))
@@ -125,7 +126,7 @@ def _once(context: SearchContext, model: MeasuredModel, grid: Grid, null: Fitted
         mode = context.optimise(model, grid, starts[0], sigma, size=size)
         return Fitted(model, grid, mode, sigma)
     mode = context.climb(model, grid, starts, sigma)
-    start = best_of_global_starts(*args, grid, null.mode.z, mode.z, SETTINGS.exact_fit * null.sigma)
+    start = best_of_global_starts(*args, grid, null.mode.z, mode.z, NEGLIGIBLE * null.sigma)
     if start is not None:
         mode = context.climb(model, grid, [start], sigma)
     for _ in range(SETTINGS.looks):

@@ -22,7 +22,7 @@ from hybridsurrogate.model.context import disjoint_moves, single_moves
 from hybridsurrogate.model.observation import MeasuredModel
 from hybridsurrogate.model.statistics import EmulatorPosterior
 from hybridsurrogate.numerics.linear_algebra import NEGLIGIBLE
-from hybridsurrogate.priors import to_normal
+from hybridsurrogate.priors import Z_LIMIT, to_normal
 from hybridsurrogate.types import FloatArray
 
 # places far away: along a size, how far these reach in standard deviations of the prior, and
@@ -164,7 +164,7 @@ def _starts(model: MeasuredModel, grid: Grid, centre: FloatArray) -> FloatArray:
     z = np.tile(base, (len(chosen), len(moves), 1))
     z[:, :, moved] += moves
     z[:, :, grid.nodes] = _at_nodes(model, grid, chosen)[:, None, :]
-    return np.clip(z.reshape(-1, len(base)), -SETTINGS.furthest_place, SETTINGS.furthest_place)
+    return np.clip(z.reshape(-1, len(base)), -Z_LIMIT, Z_LIMIT)
 
 
 @dataclass(frozen=True)
@@ -236,7 +236,7 @@ def _descend(
         trial[:, place] += move * np.minimum(
             1.0, SETTINGS.longest_step / np.maximum(length, 1e-300)
         )
-        trial = np.clip(trial, -SETTINGS.furthest_place, SETTINGS.furthest_place)
+        trial = np.clip(trial, -Z_LIMIT, Z_LIMIT)
         # slopes of a trial that fails are in vain, but a second call would cost more
         trial_rest, trial_slopes = residual.with_slopes(trial, place)
         trial_badness = residual.deviance(trial_rest, trial)

@@ -32,8 +32,6 @@ class SearchSettings:
         optimisation. A pair so far behind the best pair gets no joint refit. What is so far behind
         in all rows is not compared in some of them: with four nats for pairs, or without those not
         tried in all rows, 2 of 9 cases chose otherwise beyond the data, both worse.
-    exact_fit : float
-        A fit this many times closer than without the cause is as good as exact.
     displaced : float
         A fault may move the parameters this far from their true values, in prior standard
         deviations. An optimisation from there does not converge to them.
@@ -45,14 +43,14 @@ class SearchSettings:
         at effects of eight times the noise.
     converged_noise : float
         Noise that a further optimisation lowers by less than this share has converged.
-    max_refinements, fruitless_refinements, same_evidence : int, int, float
-        Refinements of a grid at most; how many in a row may gain no more than the last number: a
-        wave in measurements that are precise to a millionth needs all of them.
+    max_refinements, fruitless_refinements : int
+        Refinements of a grid at most; how many in a row may gain nothing: a wave in measurements
+        that are precise to a millionth needs all of them.
     nodes_enough, cell_pruned, most_split : int, float, int
         A grid is fine enough with so many nodes an axis within two nats of the best; cells so far
-        behind are never split; cells split at a time.
-    max_steps, gain_converged : int, float
-        Gauss-Newton steps, and the gain (minus twice the log density) below which they end.
+        behind are pruned; cells split at a time.
+    gain_converged : float
+        A smaller gain of an optimisation (minus twice the log density) or of a finer grid is none.
     nodes_followed : int
         Nodes that are followed where each needs runs of the simulation.
     within_reach, most_scored : float, int
@@ -71,16 +69,13 @@ class SearchSettings:
         92 % rightly. And rounds in which the noise of several outputs is estimated anew: in six
         cases the first gained 1.4 to 9 nats for the cause of most evidence, the second up to 0.3,
         further ones less than 0.03.
-    same_mode : int
-        Cells to either side of the best node that belong to the same mode.
     named : float
         Probability from which one cause is named: three times that of all alternatives together.
-    furthest_place, longest_step : float
-        Of unknowns when a cause is optimised, in prior standard deviations: the furthest place and
-        the longest step.
+    longest_step : float
+        Of an optimisation of unknowns, in prior standard deviations.
     optimiser_steps, steps_a_round : int
-        Steps of Levenberg-Marquardt or, with outliers, of EM; and steps between two halvings of the
-        places that are followed.
+        Steps of Gauss-Newton, Levenberg-Marquardt or, with outliers, of EM; and steps between two
+        halvings of the places that are followed.
     stuck : float
         Damping at which no step is short enough to gain.
     widest_population, population_rows, followed_of_many : int
@@ -99,7 +94,6 @@ class SearchSettings:
     given_noise: int = 8
     lengths_with_process: int = 24
     behind: float = 12.0
-    exact_fit: float = 1e-3
     displaced: float = 2.0
     looked_between: int = 8
     looks: int = 5
@@ -107,11 +101,9 @@ class SearchSettings:
     converged_noise: float = 0.1
     max_refinements: int = 12
     fruitless_refinements: int = 4
-    same_evidence: float = 1e-3
     nodes_enough: int = 4
-    cell_pruned: float = 100.0
+    cell_pruned: float = 30.0
     most_split: int = 40
-    max_steps: int = 12
     gain_converged: float = 0.01
     nodes_followed: int = 16
     within_reach: float = 8.0
@@ -121,9 +113,7 @@ class SearchSettings:
     turns: int = 3
     worth_a_turn: float = 0.3
     rounds: int = 2
-    same_mode: int = 6
     named: float = 0.75
-    furthest_place: float = 6.0
     longest_step: float = 1.5
     optimiser_steps: int = 25
     steps_a_round: int = 2
