@@ -22,14 +22,13 @@ class SearchSettings:
         A shape at a place where less than so many rows carry it is a mechanism with these odds, as
         much else happens to single rows (`GrossError`). Of 60 rows with a wild last one the kinds
         that jump there shared the probability in four.
-    given_noise : int
-        Causes compared given correlated noise: those that explain most alone.
     lengths_with_process : int
         Groups of neighbouring lengths of a process, each of one evidence, where it is compared
         with another process in addition: 24 of 94 change its evidence by 0.02.
     behind : float
         A cause so far behind the best one, prior odds included, is not refined after a first
-        optimisation. A pair so far behind the best pair gets no joint refit. What is so far behind
+        optimisation, nor scored by importance sampling. A pair so far behind the best pair gets no
+        joint refit. What is so far behind
         in all rows is not compared in some of them: with four nats for pairs, or without those not
         tried in all rows, 2 of 9 cases chose otherwise beyond the data, both worse.
     displaced : float
@@ -53,22 +52,18 @@ class SearchSettings:
         A smaller gain of an optimisation (minus twice the log density) or of a finer grid is none.
     nodes_followed : int
         Nodes that are followed where each needs runs of the simulation.
-    within_reach, most_scored : float, int
-        What the screening may be off by: so far behind the best a cause is not scored by importance
-        sampling, and a second one gets no joint refit. And causes scored at most.
+    most_compared : int
+        Causes that are compared once more, those that explain most: given correlated noise, scored
+        by importance sampling, and second ones refitted together with a first. Such refits name
+        both of 77 instead of 69 % of pairs (48 of size 2, 80 rows).
     looked_ahead : int
         First causes for which the best second causes are searched.
-    most_second_causes : int
-        Second causes that get a joint refit. These name both of 77 instead of 69 % of pairs (48 of
-        size 2, 80 rows).
-    turns, worth_a_turn : int, float
-        Turns in which each of two causes is placed once, and the gain that is worth another.
     rounds : int
         Rounds in which each of several causes may give way to a better one. With the probability
         of each conditional on the others, 37 instead of 12 of these 48 pairs are "named", 89 and
         92 % rightly. And rounds in which the noise of several outputs is estimated anew: in six
         cases the first gained 1.4 to 9 nats for the cause of most evidence, the second up to 0.3,
-        further ones less than 0.03.
+        further ones less than 0.03. And turns in which each of two causes is placed once.
     named : float
         Probability from which one cause is named: three times that of all alternatives together.
     longest_step : float
@@ -91,7 +86,6 @@ class SearchSettings:
     n_sizes: int = 10
     few_rows: float = 2.05
     few_rows_odds: float = 0.01
-    given_noise: int = 8
     lengths_with_process: int = 24
     behind: float = 12.0
     displaced: float = 2.0
@@ -106,12 +100,8 @@ class SearchSettings:
     most_split: int = 40
     gain_converged: float = 0.01
     nodes_followed: int = 16
-    within_reach: float = 8.0
-    most_scored: int = 12
+    most_compared: int = 8
     looked_ahead: int = 4
-    most_second_causes: int = 6
-    turns: int = 3
-    worth_a_turn: float = 0.3
     rounds: int = 2
     named: float = 0.75
     longest_step: float = 1.5
