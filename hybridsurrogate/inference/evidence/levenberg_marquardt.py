@@ -118,15 +118,11 @@ def best_of_global_starts(
     is_rough = np.count_nonzero(inner) > 1
     if len(grid.nodes) and not is_rough:
         return None  # nodes are enumerated, and sizes are followed from each
-    wide, most = _WIDE if is_rough else _ON_LINE, SETTINGS.nodes_followed
-    if is_rough and model.basis.is_quick:
-        wide = int(np.clip(SETTINGS.population_rows // len(y), _WIDE, SETTINGS.widest_population))
-        most = SETTINGS.followed_of_many
-    spread = _spread(model, grid, line[0], wide)
+    spread = _spread(model, grid, line[0], _WIDE if is_rough else _ON_LINE)
     z = np.vstack([known, line, spread])
     value = np.concatenate([deviance(known[None]), along, deviance(spread)])
     if is_rough:
-        followed = z[np.argsort(value)[:most]]
+        followed = z[np.argsort(value)[: SETTINGS.nodes_followed]]
         end, _ = _descend(residual, followed, np.concatenate([grid.fixed, grid.sizes, grid.nodes]))
         z, value = np.vstack([z, end]), np.append(value, deviance(end[None]))
     best = int(np.argmin(value))
@@ -231,11 +227,8 @@ def _descend(
         right = np.einsum("jdn,jn->jd", slopes, rest) / variance - z[:, place]
         normal[:, np.arange(d), np.arange(d)] *= 1 + damping[:, None]
         move = np.linalg.solve(normal, right[..., None])[..., 0]
-        length = np.linalg.norm(move, axis=1, keepdims=True)
         trial = z.copy()
-        trial[:, place] += move * np.minimum(
-            1.0, SETTINGS.longest_step / np.maximum(length, 1e-300)
-        )
+        trial[:, place] += move
         trial = np.clip(trial, -Z_LIMIT, Z_LIMIT)
         # slopes of a trial that fails are in vain, but a second call would cost more
         trial_rest, trial_slopes = residual.with_slopes(trial, place)
@@ -250,7 +243,7 @@ def _descend(
         )
         deviance = np.minimum(deviance, trial_badness)
         damping = np.where(better, 0.2, 6.0) * damping
-        if converged or damping[best] > SETTINGS.stuck:
+        if converged:
             break
         if step % SETTINGS.steps_a_round == SETTINGS.steps_a_round - 1 and len(z) > 2:
             kept = np.argsort(deviance)[: (len(z) + 1) // 2]

@@ -31,9 +31,6 @@ class SearchSettings:
         joint refit. What is so far behind
         in all rows is not compared in some of them: with four nats for pairs, or without those not
         tried in all rows, 2 of 9 cases chose otherwise beyond the data, both worse.
-    displaced : float
-        A fault may move the parameters this far from their true values, in prior standard
-        deviations. An optimisation from there does not converge to them.
     looked_between, looks : int
         Nodes of a coarse grid between which a cause may fit much better, and rounds of looking:
         needed for noise below a hundredth of the output (tests of precise data).
@@ -66,16 +63,9 @@ class SearchSettings:
         further ones less than 0.03. And turns in which each of two causes is placed once.
     named : float
         Probability from which one cause is named: three times that of all alternatives together.
-    longest_step : float
-        Of an optimisation of unknowns, in prior standard deviations.
     optimiser_steps, steps_a_round : int
         Steps of Gauss-Newton, Levenberg-Marquardt or, with outliers, of EM; and steps between two
         halvings of the places that are followed.
-    stuck : float
-        Damping at which no step is short enough to gain.
-    widest_population, population_rows, followed_of_many : int
-        Starting places of an optimisation at most, rows of their outputs at most, and places
-        followed where a run is quick and rows are few.
     """
 
     prior_none: float = 0.5
@@ -88,7 +78,6 @@ class SearchSettings:
     few_rows_odds: float = 0.01
     lengths_with_process: int = 24
     behind: float = 12.0
-    displaced: float = 2.0
     looked_between: int = 8
     looks: int = 5
     much_closer: float = 0.5
@@ -104,13 +93,8 @@ class SearchSettings:
     looked_ahead: int = 4
     rounds: int = 2
     named: float = 0.75
-    longest_step: float = 1.5
     optimiser_steps: int = 25
     steps_a_round: int = 2
-    stuck: float = 1e6
-    widest_population: int = 8000
-    population_rows: int = 800_000
-    followed_of_many: int = 32
 
 
 SETTINGS = SearchSettings()
