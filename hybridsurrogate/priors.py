@@ -19,9 +19,10 @@ from hybridsurrogate.arguments import as_real, check_mapping, described
 from hybridsurrogate.types import FloatArray, Prior
 
 # Phi(8) is the last step before 1 in double precision
-_Z_LIMIT = 8.0
-_N_TABLE = 2001
-_STEP = 2 * _Z_LIMIT / (_N_TABLE - 1)
+Z_LIMIT = 8.0
+# nodes of what is tabulated once and interpolated
+N_TABLE = 2001
+_STEP = 2 * Z_LIMIT / (N_TABLE - 1)
 
 
 def truncated_normal(mean: float, sd: float, low: float, high: float) -> Prior:
@@ -61,7 +62,7 @@ def truncated_normal(mean: float, sd: float, low: float, high: float) -> Prior:
     if not low < high:
         raise ValueError(f"low must be below high, got low={low!r} and high={high!r}.")
     lower, upper = (low - mean) / sd, (high - mean) / sd
-    if not max(lower, -upper) <= _Z_LIMIT:
+    if not max(lower, -upper) <= Z_LIMIT:
         raise ValueError(
             f"A normal({mean}, {sd}) has no mass between {low} and {high}: move the bounds."
         )
@@ -173,9 +174,9 @@ def from_normal(priors: Sequence[Prior], z: ArrayLike) -> FloatArray:
     # scipy's quantile functions cost up to a millisecond a call whatever the size of the array;
     # samplers and searches make thousands of small calls
     cubics, first, low, high = _quantile_tables(tuple(priors))
-    position = np.minimum(np.maximum((points + _Z_LIMIT) / _STEP, 0.0), _N_TABLE - 1.0)
+    position = np.minimum(np.maximum((points + Z_LIMIT) / _STEP, 0.0), N_TABLE - 1.0)
     # NaN marks what failed and stays NaN: it may point anywhere
-    left_node = np.fmin(position, _N_TABLE - 2.0).astype(np.intp)
+    left_node = np.fmin(position, N_TABLE - 2.0).astype(np.intp)
     t = position - left_node
     a, b, c, d = cubics[:, left_node + first]
     return np.minimum(np.maximum(((d * t + c) * t + b) * t + a, low), high)
@@ -186,7 +187,7 @@ def _quantile_tables(
     priors: tuple[Prior, ...],
 ) -> tuple[FloatArray, NDArray[np.intp], FloatArray, FloatArray]:
     """Return the cubics (4, n) of several priors, where each one's begin, and their supports."""
-    values, slope = np.empty((2, len(priors), _N_TABLE))
+    values, slope = np.empty((2, len(priors), N_TABLE))
     for k, prior in enumerate(priors):
         family, shapes, loc, scale = _family_of(prior) or (prior, (), 0.0, 1.0)
         value, own = _tabulated(family, shapes)
@@ -196,14 +197,14 @@ def _quantile_tables(
     cubics = np.stack(
         [values[:, :-1], left, 3 * rise - 2 * left - right, left + right - 2 * rise]
     ).reshape(4, -1)
-    first = (_N_TABLE - 1) * np.arange(len(priors))
+    first = (N_TABLE - 1) * np.arange(len(priors))
     return cubics, first, low, high
 
 
 @lru_cache(maxsize=1024)
 def _tabulated(family: Any, shapes: tuple[float, ...]) -> tuple[FloatArray, FloatArray]:
     """Return quantiles at even steps of z, and their slopes."""
-    z = np.linspace(-_Z_LIMIT, _Z_LIMIT, _N_TABLE)
+    z = np.linspace(-Z_LIMIT, Z_LIMIT, N_TABLE)
     # the upper half from the survival function: Phi(z) loses its digits near 1
     lower, upper = special.ndtr(z[z <= 0]), special.ndtr(-z[z > 0])
     # each quantile once: without a formula for it scipy takes a millisecond or more
@@ -240,5 +241,5 @@ def to_normal(priors: Sequence[Prior], values: ArrayLike) -> FloatArray:
     for k, prior in enumerate(priors):
         lower, upper = prior.cdf(points[..., k]), prior.sf(points[..., k])
         z = np.where(lower < 0.5, special.ndtri(lower), -special.ndtri(upper))
-        out[..., k] = np.clip(z, -_Z_LIMIT, _Z_LIMIT)
+        out[..., k] = np.clip(z, -Z_LIMIT, Z_LIMIT)
     return out

@@ -29,8 +29,6 @@ OMEGA_COLOURS = ListedColormap(colormaps["viridis"](np.linspace(0, 0.93, 256)), 
 
 # half the width of the middle nine tenths of a standard normal
 NINE_TENTHS = float(norm.ppf(0.95))
-# a column with at most so many values is no line
-FEW_VALUES = 12
 
 
 class Style(NamedTuple):

@@ -27,6 +27,7 @@ from hybridsurrogate.diagnosis.search.search import Search
 from hybridsurrogate.estimators.averaged import AveragedSurrogate
 from hybridsurrogate.estimators.power_scaled import PowerScaledSurrogate
 from hybridsurrogate.likelihoods import Likelihood, TransformedNormal
+from hybridsurrogate.model.posterior import MIN_EFFECTIVE
 from hybridsurrogate.model.rows.measured_data import GivenRows, new_errors, without_gaps
 from hybridsurrogate.numerics.linear_algebra import LARGE_BLOCK, blocks
 from hybridsurrogate.simulation.arrays import as_numbers, complete_table
@@ -34,8 +35,8 @@ from hybridsurrogate.types import FloatArray
 
 # prior standard deviations of a shift, and factors of a wider spread, in those of the prediction
 _SHIFTS, _SPREADS = (1.0, 3.0), (2.0, 4.0)
-# the draws are made anew, with the measurements so far, where they are worth fewer
-_LEAST_DRAWS, _LEAST_SHARE = 100.0, 0.25
+# share of the draws: they are made anew, with the measurements so far, where they are worth fewer
+_LEAST_SHARE = 0.25
 # values of each draw, for the quantile under a likelihood that is not normal
 _VALUES = 20
 
@@ -218,7 +219,7 @@ def _deviations(
     log_weight[:, 1:] += np.cumsum(log_density, axis=1)
     weight = special.softmax(log_weight, axis=0)
     worth = 1 / np.sum(weight[:, :-1] ** 2, axis=0)
-    least = min(_LEAST_DRAWS, _LEAST_SHARE * counts[0])
+    least = min(MIN_EFFECTIVE, _LEAST_SHARE * counts[0])
     # a whole row of outputs at a time, and the first row in any case
     spent = there[worth < least] // width
     spent = spent[spent > 0]

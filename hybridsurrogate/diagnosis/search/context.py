@@ -14,6 +14,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple
 
 import numpy as np
+from scipy import special
 
 from hybridsurrogate.effects.base import Nothing
 from hybridsurrogate.inference.conjugate.noise_marginal import KnownNoise, LogMarginal, NoiseTable
@@ -235,7 +236,7 @@ class SearchContext:
                 # a jump has one level between two rows, however fine the grid
                 same = len(found) == len(levels)
                 gain = found[-1] - levels[-1] if len(levels) else np.inf
-                same = same and abs(gain) < SETTINGS.same_evidence
+                same = same and abs(gain) < SETTINGS.gain_converged
                 slow = slow + 1 if found[-1] + rounds * gain < enough else 0
                 levels, fruitless = found, fruitless + 1 if same else 0
                 stops = fruitless >= SETTINGS.fruitless_refinements or slow > 1
@@ -284,27 +285,15 @@ class SearchContext:
         model, grid, mode, _ = accepted
         if not len(grid.nodes):
             return [mode.z]
-        places = [self._mean_node(accepted)]
+        # a node is only as near as its cell is small: what it misses would look like another cause
+        nodes = self.evidence_of_nodes(accepted, np.array([self.largest_size]))
+        places = [special.softmax(nodes) @ grid.points]
         low, high = grid.edges[mode.node].T
         if not np.all((places[0] >= low) & (places[0] <= high)):
             places.append(grid.points[mode.node])
         out = np.repeat(mode.z[None], len(places), axis=0)
         out[:, grid.nodes] = [to_normal([model.priors[k] for k in grid.nodes], p) for p in places]
         return list(out)
-
-    def _mean_node(self, accepted: Fitted) -> FloatArray:
-        """Return the mean of the enumerated coordinates, (len(nodes),), around the best node.
-
-        A node is only as near as its cell is small, and what it misses would look like another
-        cause.
-        """
-        grid = accepted.grid
-        log_evidence = self.evidence_of_nodes(accepted, np.array([self.largest_size]))
-        best = int(np.argmax(log_evidence))
-        reach = SETTINGS.same_mode * np.diff(grid.edges[best], axis=1)[:, 0]
-        near = np.all(np.abs(grid.points - grid.points[best]) <= reach, axis=1)
-        weight = np.exp(log_evidence - log_evidence[best]) * near
-        return np.asarray(weight @ grid.points / weight.sum())
 
     def noise_of(self, mode: LocalMode, sigma: float) -> float:
         """Return the noise that a fit suggests; the one it was made with where it failed."""

@@ -49,15 +49,13 @@ def placed_together(
     """
     evidence = np.array([w.log_evidence for w in conditional.candidates])
     able = [k for k, w in enumerate(conditional.candidates) if w.cause and movable(w.cause)]
-    able = sorted(able, key=lambda k: -evidence[k])[: SETTINGS.most_second_causes]
+    able = sorted(able, key=lambda k: -evidence[k])[: SETTINGS.most_compared]
     if first.cause is None or not movable(first.cause) or not able:
         return conditional
     candidates = list(conditional.candidates)
     elsewhere = np.array([w.log_evidence for w in nearby.candidates]) if nearby else evidence
-    behind = SETTINGS.behind if nearby else SETTINGS.within_reach
     for k in able:
-        near = elsewhere[k] > max(elsewhere[able]) - behind
-        if near and evidence[k] > evidence[able[0]] - SETTINGS.within_reach:
+        if all(w[k] > max(w[able]) - SETTINGS.behind for w in (elsewhere, evidence)):
             candidates[k] = _together(result, first, conditional, candidates[k])
     return replace(conditional, candidates=candidates)
 
@@ -83,7 +81,7 @@ def _together(
     base, sizes = conditional.candidates[0].log_evidence, conditional.sizes
     best = second._replace(log_evidence=-np.inf)
     fit, reached = second.fit, second.log_evidence
-    for _ in range(SETTINGS.turns):
+    for _ in range(SETTINGS.rounds):
         turned = _turned(result, fit, first.fit.grid)
         back = _turned(result, turned, second.fit.grid)
         if not np.isfinite(turned.mode.objective + back.mode.objective):
@@ -94,7 +92,7 @@ def _together(
         pair = both.evidence(turned, result.sizes) + alone - both.evidence(neither, sizes)
         if (value := base + pair - first.log_evidence) > best.log_evidence:
             best = Candidate(second.cause, back, value)
-        if alone < reached + SETTINGS.worth_a_turn:
+        if alone < reached:
             break
         fit, reached = back, alone
     return best if np.isfinite(best.log_evidence) else second
@@ -148,8 +146,8 @@ def scored(result: Search, causes: Sequence[Cause] | None = None) -> Search:
         result = _screened_at_best(result, causes, point)
     screened = np.array([w.log_evidence for w in result.candidates])
     weight = screened + np.log(prior_of(result.candidates))
-    order = np.argsort(-weight)[: SETTINGS.most_scored]
-    probable = {0, *(int(k) for k in order if weight[k] > weight[order[0]] - SETTINGS.within_reach)}
+    order = np.argsort(-weight)[: SETTINGS.most_compared]
+    probable = {0, *(int(k) for k in order if weight[k] > weight[order[0]] - SETTINGS.behind)}
     exact = {k: _log_evidence(result, result.candidates[k]) for k in sorted(probable)}
     exact = {k: value for k, value in exact.items() if np.isfinite(value)}
     if 0 not in exact:

@@ -157,7 +157,7 @@ def _given_noise(result: Search, nearby: Search | None) -> Search:
         if nearby is None or nearby.probability[k] * nearby.correlated[k] > LEAST_PROBABLE
     ]
     out = list(result.candidates)
-    for k in sorted(able, key=lambda k: -value[k])[: SETTINGS.given_noise]:
+    for k in sorted(able, key=lambda k: -value[k])[: SETTINGS.most_compared]:
         evidence = _with_process(result, out[k], bases)
         out[k] = out[k]._replace(log_evidence_with_noise=evidence)
     return replace(result, candidates=out)

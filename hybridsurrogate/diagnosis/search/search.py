@@ -30,6 +30,7 @@ from hybridsurrogate.inference.evidence.marginal_likelihood import LocalMode, sc
 from hybridsurrogate.inference.evidence.settings import SETTINGS
 from hybridsurrogate.model.observation import MeasuredModel
 from hybridsurrogate.model.problem import Problem
+from hybridsurrogate.numerics.linear_algebra import NEGLIGIBLE
 from hybridsurrogate.scoring.scores import COVERAGE_LEVEL
 from hybridsurrogate.types import FloatArray
 
@@ -91,7 +92,7 @@ def best_modes(
 def _followed(context: SearchContext, model: MeasuredModel, grid: Grid, null: Fitted) -> Fitted:
     """Fit a cause whose unknowns are all followed, from many starts."""
     X, y, emulator = context.problem.X, context.problem.y, context.emulator
-    plain, floor = grid.followed(), SETTINGS.exact_fit * null.sigma
+    plain, floor = grid.followed(), NEGLIGIBLE * null.sigma
     z, sigma = best_of_many(model, X, y, emulator, grid, null.mode.z, floor)
     mode = context.climb(model, plain, [z], sigma)
     return context.converge(Fitted(model, plain, mode, sigma))
@@ -116,24 +117,25 @@ def _unchanged(
 
 def _once(context: SearchContext, model: MeasuredModel, grid: Grid, null: Fitted) -> Fitted:
     """Climb once, on the first grid."""
-    starts, sigma = _starts(model, grid, null), null.sigma
+    start, sigma = grid.neutral.copy(), null.sigma
+    start[: len(null.mode.z)] = null.mode.z
     args = model, context.problem.X, context.problem.y, context.emulator
-    grid = shortened(*args, grid, starts[0], sigma, context.largest_size)
+    grid = shortened(*args, grid, start, sigma, context.largest_size)
     if model.effects[-1].is_correlated_noise:
         # left free it would take all the noise there is: it has the size of the noise
         size = sigma * context.problem.unit_noise
-        mode = context.optimise(model, grid, starts[0], sigma, size=size)
+        mode = context.optimise(model, grid, start, sigma, size=size)
         return Fitted(model, grid, mode, sigma)
-    mode = context.climb(model, grid, starts, sigma)
-    start = best_of_global_starts(*args, grid, null.mode.z, mode.z, SETTINGS.exact_fit * null.sigma)
-    if start is not None:
-        mode = context.climb(model, grid, [start], sigma)
+    mode = context.optimise(model, grid, start, sigma)
+    better = best_of_global_starts(*args, grid, null.mode.z, mode.z, NEGLIGIBLE * null.sigma)
+    if better is not None:
+        mode = context.optimise(model, grid, better, sigma)
     for _ in range(SETTINGS.looks):
         before, sigma = sigma, context.noise_of(mode, sigma)
         if not sigma < SETTINGS.much_closer * before:
             break
         # kept at the priors by the noise of a poor fit, an optimisation ends short of a good one
-        mode = context.climb(model, grid, [mode.z], sigma)
+        mode = context.optimise(model, grid, mode.z, sigma)
     return Fitted(model, grid, mode, sigma)
 
 
@@ -179,18 +181,6 @@ def _between_nodes(
         fit = fit._replace(grid=finer)
         density = context.evidence_of_nodes(fit, sizes) - finer.log_weight
     return max(float(density.max()) - coarse, 0.0)
-
-
-def _starts(model: MeasuredModel, grid: Grid, null: Fitted) -> list[FloatArray]:
-    """Return starting points: the fit without the cause and, far from it, the prior's centre."""
-    start = grid.neutral.copy()
-    start[: len(null.mode.z)] = null.mode.z
-    if np.linalg.norm(null.mode.z[: model.n_parameters]) <= SETTINGS.displaced:
-        return [start]
-    # the simulation's parameters start anew, accepted causes stay where they are
-    anew = start.copy()
-    anew[: model.n_parameters] = 0.0
-    return [start, anew]
 
 
 @dataclass(frozen=True)

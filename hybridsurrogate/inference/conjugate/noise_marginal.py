@@ -7,9 +7,8 @@ from collections.abc import Callable
 import numpy as np
 
 from hybridsurrogate.numerics.linear_algebra import NEGLIGIBLE, blocks
+from hybridsurrogate.priors import N_TABLE
 from hybridsurrogate.types import FloatArray, Prior
-
-_N_TABLE = 1500
 
 # log integral over sigma of prior times likelihood, for residual sums of squares
 LogMarginal = Callable[[FloatArray], FloatArray]
@@ -81,20 +80,20 @@ class NoiseTable:
     def __init__(self, noise_prior: Prior, scale: float, n: int, least: float = 0.0):
         self._low = np.log(n) + 2 * np.log(NEGLIGIBLE * scale)
         self._high = np.log(n) + 2 * np.log(1e4 * scale)
-        squares = np.exp(np.linspace(self._low, self._high, _N_TABLE))
+        squares = np.exp(np.linspace(self._low, self._high, N_TABLE))
         log_sigma, log_weight = noise_grid(noise_prior, scale, n)
         width = log_sigma[1] - log_sigma[0]
         if least:
             log_sigma = np.log(np.hypot(np.exp(log_sigma), least))
-        self._values = marginal_over_noise(squares, n, log_sigma, log_weight, _N_TABLE, width)
+        self._values = marginal_over_noise(squares, n, log_sigma, log_weight, N_TABLE, width)
         self._values -= 0.5 * n * np.log(2 * np.pi)
         self._slopes = np.diff(self._values)
 
     def __call__(self, squares: FloatArray) -> FloatArray:
         """Return the log integral, linear in log squares between the nodes; NaN stays NaN."""
-        step = (self._high - self._low) / (_N_TABLE - 1)
+        step = (self._high - self._low) / (N_TABLE - 1)
         position = np.maximum((np.log(squares) - self._low) / step, 0.0)
-        index = np.fmin(position, _N_TABLE - 2.0).astype(np.intp)
+        index = np.fmin(position, N_TABLE - 2.0).astype(np.intp)
         return self._values[index] + self._slopes[index] * (position - index)
 
 

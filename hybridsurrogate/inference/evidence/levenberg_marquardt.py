@@ -22,7 +22,7 @@ from hybridsurrogate.model.context import disjoint_moves, single_moves
 from hybridsurrogate.model.observation import MeasuredModel
 from hybridsurrogate.model.statistics import EmulatorPosterior
 from hybridsurrogate.numerics.linear_algebra import NEGLIGIBLE
-from hybridsurrogate.priors import to_normal
+from hybridsurrogate.priors import Z_LIMIT, to_normal
 from hybridsurrogate.types import FloatArray
 
 # places far away: along a size, how far these reach in standard deviations of the prior, and
@@ -118,13 +118,9 @@ def best_of_global_starts(
     is_rough = np.count_nonzero(inner) > 1
     if len(grid.nodes) and not is_rough:
         return None  # nodes are enumerated, and sizes are followed from each
-    wide, most = _WIDE if is_rough else _ON_LINE, SETTINGS.nodes_followed
-    if is_rough and model.basis.is_quick:
-        wide = int(np.clip(SETTINGS.population_rows // len(y), _WIDE, SETTINGS.widest_population))
-        most = SETTINGS.followed_of_many
     # a fixed spread of parameters, size and nodes, those of earlier causes held: the search is
     # deterministic
-    random = np.random.RandomState(0)
+    random, wide = np.random.RandomState(0), _WIDE if is_rough else _ON_LINE
     spread = np.tile(line[0], (wide, 1))
     place = [*np.arange(model.n_parameters), *grid.sizes]
     # far out in a heavy tail an ODE would be solved for many times the measured span
@@ -133,7 +129,7 @@ def best_of_global_starts(
     z = np.vstack([known, line, spread])
     value = np.concatenate([deviance(known[None]), along, deviance(spread)])
     if is_rough:
-        followed = z[np.argsort(value)[:most]]
+        followed = z[np.argsort(value)[: SETTINGS.nodes_followed]]
         end, _ = _descend(residual, followed, np.concatenate([grid.fixed, grid.sizes, grid.nodes]))
         z, value = np.vstack([z, end]), np.append(value, deviance(end[None]))
     best = int(np.argmin(value))
@@ -159,7 +155,7 @@ def _starts(model: MeasuredModel, grid: Grid, centre: FloatArray) -> FloatArray:
     z = np.tile(base, (len(chosen), len(moves), 1))
     z[:, :, moved] += moves
     z[:, :, grid.nodes] = _at_nodes(model, grid, chosen)[:, None, :]
-    return np.clip(z.reshape(-1, len(base)), -SETTINGS.furthest_place, SETTINGS.furthest_place)
+    return np.clip(z.reshape(-1, len(base)), -Z_LIMIT, Z_LIMIT)
 
 
 @dataclass(frozen=True)
@@ -226,12 +222,9 @@ def _descend(
         right = np.einsum("jdn,jn->jd", slopes, rest) / variance - z[:, place]
         normal[:, np.arange(d), np.arange(d)] *= 1 + damping[:, None]
         move = np.linalg.solve(normal, right[..., None])[..., 0]
-        length = np.linalg.norm(move, axis=1, keepdims=True)
         trial = z.copy()
-        trial[:, place] += move * np.minimum(
-            1.0, SETTINGS.longest_step / np.maximum(length, 1e-300)
-        )
-        trial = np.clip(trial, -SETTINGS.furthest_place, SETTINGS.furthest_place)
+        trial[:, place] += move
+        trial = np.clip(trial, -Z_LIMIT, Z_LIMIT)
         # slopes of a trial that fails are in vain, but a second call would cost more
         trial_rest, trial_slopes = residual.with_slopes(trial, place)
         trial_badness = residual.deviance(trial_rest, trial)
@@ -245,7 +238,7 @@ def _descend(
         )
         deviance = np.minimum(deviance, trial_badness)
         damping = np.where(better, 0.2, 6.0) * damping
-        if converged or damping[best] > SETTINGS.stuck:
+        if converged:
             break
         if step % SETTINGS.steps_a_round == SETTINGS.steps_a_round - 1 and len(z) > 2:
             kept = np.argsort(deviance)[: (len(z) + 1) // 2]

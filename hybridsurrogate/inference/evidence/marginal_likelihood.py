@@ -269,8 +269,6 @@ def _without_parameters(
 
 # a prior scale that is as good as zero, whose square is a number still
 _NO_SIZE = 1e-100
-# a smaller gain of the objective, or a smaller one that is promised, is none
-_LEAST_GAIN = 1e-4
 
 # whitened values (..., n), rows along the last axis
 Whiten = Callable[[FloatArray], FloatArray]
@@ -473,7 +471,7 @@ def optimise(
         grid, columns, parts = grid.at(followed), columns.at(followed), parts.at(followed)
         noise, factor = parts.noise, float((parts.log_weight - plain.log_weight[followed])[0])
     costly = bool(len(grid.nodes)) and model.effects[-1].touches_simulation
-    for _ in range(SETTINGS.max_steps):
+    for _ in range(SETTINGS.optimiser_steps):
         parts = linearise(model, X, emulator, grid, proposal, columns, recent)
         parts = parts if noise is None else replace(parts, noise=noise)
         here, move, deviance = _solve(parts, y, grid, proposal, sigma, size)
@@ -486,11 +484,11 @@ def optimise(
             if best is None:
                 return here
             step *= 0.3
-        elif best is None or here.objective < best.objective - _LEAST_GAIN:
+        elif best is None or here.objective < best.objective - SETTINGS.gain_converged:
             gain = np.inf if best is None else best.objective - here.objective
             best, point, target, step = here, proposal, move, 1.0
             # where the linear model promises nothing no shorter step is tried: 60 % of all steps
-            if gain < SETTINGS.gain_converged or promised < _LEAST_GAIN:
+            if gain < SETTINGS.gain_converged or promised < SETTINGS.gain_converged:
                 break
         else:
             step *= 0.3

@@ -22,21 +22,15 @@ class SearchSettings:
         A shape at a place where less than so many rows carry it is a mechanism with these odds, as
         much else happens to single rows (`GrossError`). Of 60 rows with a wild last one the kinds
         that jump there shared the probability in four.
-    given_noise : int
-        Causes compared given correlated noise: those that explain most alone.
     lengths_with_process : int
         Groups of neighbouring lengths of a process, each of one evidence, where it is compared
         with another process in addition: 24 of 94 change its evidence by 0.02.
     behind : float
         A cause so far behind the best one, prior odds included, is not refined after a first
-        optimisation. A pair so far behind the best pair gets no joint refit. What is so far behind
+        optimisation, nor scored by importance sampling. A pair so far behind the best pair gets no
+        joint refit. What is so far behind
         in all rows is not compared in some of them: with four nats for pairs, or without those not
         tried in all rows, 2 of 9 cases chose otherwise beyond the data, both worse.
-    exact_fit : float
-        A fit this many times closer than without the cause is as good as exact.
-    displaced : float
-        A fault may move the parameters this far from their true values, in prior standard
-        deviations. An optimisation from there does not converge to them.
     looked_between, looks : int
         Nodes of a coarse grid between which a cause may fit much better, and rounds of looking:
         needed for noise below a hundredth of the output (tests of precise data).
@@ -45,47 +39,33 @@ class SearchSettings:
         at effects of eight times the noise.
     converged_noise : float
         Noise that a further optimisation lowers by less than this share has converged.
-    max_refinements, fruitless_refinements, same_evidence : int, int, float
-        Refinements of a grid at most; how many in a row may gain no more than the last number: a
-        wave in measurements that are precise to a millionth needs all of them.
+    max_refinements, fruitless_refinements : int
+        Refinements of a grid at most; how many in a row may gain nothing: a wave in measurements
+        that are precise to a millionth needs all of them.
     nodes_enough, cell_pruned, most_split : int, float, int
         A grid is fine enough with so many nodes an axis within two nats of the best; cells so far
-        behind are never split; cells split at a time.
-    max_steps, gain_converged : int, float
-        Gauss-Newton steps, and the gain (minus twice the log density) below which they end.
+        behind are pruned; cells split at a time.
+    gain_converged : float
+        A smaller gain of an optimisation (minus twice the log density) or of a finer grid is none.
     nodes_followed : int
         Nodes that are followed where each needs runs of the simulation.
-    within_reach, most_scored : float, int
-        What the screening may be off by: so far behind the best a cause is not scored by importance
-        sampling, and a second one gets no joint refit. And causes scored at most.
+    most_compared : int
+        Causes that are compared once more, those that explain most: given correlated noise, scored
+        by importance sampling, and second ones refitted together with a first. Such refits name
+        both of 77 instead of 69 % of pairs (48 of size 2, 80 rows).
     looked_ahead : int
         First causes for which the best second causes are searched.
-    most_second_causes : int
-        Second causes that get a joint refit. These name both of 77 instead of 69 % of pairs (48 of
-        size 2, 80 rows).
-    turns, worth_a_turn : int, float
-        Turns in which each of two causes is placed once, and the gain that is worth another.
     rounds : int
         Rounds in which each of several causes may give way to a better one. With the probability
         of each conditional on the others, 37 instead of 12 of these 48 pairs are "named", 89 and
         92 % rightly. And rounds in which the noise of several outputs is estimated anew: in six
         cases the first gained 1.4 to 9 nats for the cause of most evidence, the second up to 0.3,
-        further ones less than 0.03.
-    same_mode : int
-        Cells to either side of the best node that belong to the same mode.
+        further ones less than 0.03. And turns in which each of two causes is placed once.
     named : float
         Probability from which one cause is named: three times that of all alternatives together.
-    furthest_place, longest_step : float
-        Of unknowns when a cause is optimised, in prior standard deviations: the furthest place and
-        the longest step.
     optimiser_steps, steps_a_round : int
-        Steps of Levenberg-Marquardt or, with outliers, of EM; and steps between two halvings of the
-        places that are followed.
-    stuck : float
-        Damping at which no step is short enough to gain.
-    widest_population, population_rows, followed_of_many : int
-        Starting places of an optimisation at most, rows of their outputs at most, and places
-        followed where a run is quick and rows are few.
+        Steps of Gauss-Newton, Levenberg-Marquardt or, with outliers, of EM; and steps between two
+        halvings of the places that are followed.
     """
 
     prior_none: float = 0.5
@@ -96,41 +76,25 @@ class SearchSettings:
     n_sizes: int = 10
     few_rows: float = 2.05
     few_rows_odds: float = 0.01
-    given_noise: int = 8
     lengths_with_process: int = 24
     behind: float = 12.0
-    exact_fit: float = 1e-3
-    displaced: float = 2.0
     looked_between: int = 8
     looks: int = 5
     much_closer: float = 0.5
     converged_noise: float = 0.1
     max_refinements: int = 12
     fruitless_refinements: int = 4
-    same_evidence: float = 1e-3
     nodes_enough: int = 4
-    cell_pruned: float = 100.0
+    cell_pruned: float = 30.0
     most_split: int = 40
-    max_steps: int = 12
     gain_converged: float = 0.01
     nodes_followed: int = 16
-    within_reach: float = 8.0
-    most_scored: int = 12
+    most_compared: int = 8
     looked_ahead: int = 4
-    most_second_causes: int = 6
-    turns: int = 3
-    worth_a_turn: float = 0.3
     rounds: int = 2
-    same_mode: int = 6
     named: float = 0.75
-    furthest_place: float = 6.0
-    longest_step: float = 1.5
     optimiser_steps: int = 25
     steps_a_round: int = 2
-    stuck: float = 1e6
-    widest_population: int = 8000
-    population_rows: int = 800_000
-    followed_of_many: int = 32
 
 
 SETTINGS = SearchSettings()

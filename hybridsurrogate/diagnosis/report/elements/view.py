@@ -24,8 +24,8 @@ from hybridsurrogate.likelihoods import Censored
 from hybridsurrogate.model.rows.stacking import Stacking
 from hybridsurrogate.numerics import digits
 from hybridsurrogate.plotting import Prediction
-from hybridsurrogate.plotting.style import FEW_VALUES
 from hybridsurrogate.simulation.outputs import OUTPUT
+from hybridsurrogate.simulation.variables import MOST_LEVELS
 from hybridsurrogate.types import FloatArray
 
 if TYPE_CHECKING:
@@ -330,7 +330,7 @@ class View:
     ) -> FloatArray:
         """Return rows that vary the shown column, the others at their medians or at one row."""
         known = np.unique(self.x)
-        few = self.name not in self.inputs and len(known) <= FEW_VALUES
+        few = self.name not in self.inputs and len(known) <= MOST_LEVELS
         # between its few values a column such as a batch means nothing
         values = known if few else np.linspace(low, high, n)
         row = np.median(self.X, axis=0) if at is None else at
