@@ -382,7 +382,10 @@ class SimulationData:
             )
             constant = [*self.input_names, *self.parameter_ranges]
             constant.remove(along)
-            check_curves(whole.assign(**{RUN: run}), along, constant, self.outputs)
+            # repeats of a stochastic simulation differ
+            repeated = self.to_frame()[[*constant, along]].duplicated().any()
+            outputs = () if repeated else self.outputs
+            check_curves(whole.assign(**{RUN: run}), along, constant, outputs)
         ranges = {
             name: (min(low, more[name].min()), max(high, more[name].max()))
             for name, (low, high) in self.input_ranges.items()

@@ -103,6 +103,9 @@ class EmulatorCheck(NamedTuple):
     rounding : float or None
         What rounding to whole numbers takes from an expected count at the measured rows, where runs
         of counts are whole numbers; None where they are not.
+    scatter : float
+        By how much repeated runs of a stochastic simulation differ as curves. A measured system is
+        one run: the comparisons of the search count it, ``left_open`` does not.
     """
 
     left_open: float
@@ -111,6 +114,7 @@ class EmulatorCheck(NamedTuple):
     between: float = 0.0
     along: str | None = None
     rounding: float | None = None
+    scatter: float = 0.0
 
     @property
     def hidden(self) -> float:
@@ -190,9 +194,10 @@ def check_emulator(result: Search, surrogate: Basis, runs: SimulationData) -> Em
     inputs, points = w.fit.model.places(problem.X, values)
     basis = problem.model.basis
     error = np.sum(basis.error(inputs, points) ** 2, axis=1)
-    # causes that respond to the output stretch both alike
-    share = basis.between(inputs) ** 2 / np.maximum(error, 1e-300)
-    squares = left_open, (missed / unit) ** 2, left_open * np.minimum(share, 1.0)
+    # causes that respond to the output stretch all alike
+    each = np.array([basis.scatter(inputs), basis.between(inputs)])
+    scatter, between = left_open * np.minimum(each**2 / np.maximum(error, 1e-300), 1.0)
+    squares = left_open - scatter, (missed / unit) ** 2, between, scatter
     rms = np.sqrt([np.mean(each) for each in squares]) / w.fit.sigma
     X = problem.X[:, : runs.X.shape[1]]
     low, high = runs.X.min(axis=0), runs.X.max(axis=0)
@@ -204,9 +209,9 @@ def check_emulator(result: Search, surrogate: Basis, runs: SimulationData) -> Em
     if problem.likelihood.means_as_runs and is_whole(runs.y):
         errors = problem.likelihood.rounding(outputs[0])
         rounding = float(np.sqrt(np.mean((errors / unit) ** 2)))
-    return EmulatorCheck(
-        float(rms[0]), float(rms[1]), beyond, float(rms[2]), along[0] if along else None, rounding
-    )
+    left_open, missed, between, scatter = rms.tolist()
+    of_curves = between, along[0] if along else None
+    return EmulatorCheck(left_open, missed, beyond, *of_curves, rounding, scatter)
 
 
 def warn_if_rough(problem: Problem) -> None:

@@ -10,12 +10,16 @@ R runs of T places cost R^3 + R^2 T and not (R T)^3 (Higdon, Gattiker, Williams 
 Journal of the American Statistical Association 103:570; one correlation for all: Conti and O'Hagan
 2010, Journal of Statistical Planning and Inference 140:640). What the components leave out is part
 of the error, and so is the interpolation along the curves between places that were simulated.
+
+Runs of a stochastic simulation that repeat the same parameters differ by a curve: its covariance
+along the places is pooled over all repeats, and components are those of the mean curves.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -36,11 +40,13 @@ from hybridsurrogate.surrogates.emulation.between_places import (
     degree_of,
 )
 from hybridsurrogate.surrogates.emulation.covariance import (
+    MOST_CURVES,
     LocalError,
     Places,
     Process,
     condensed,
     process_through,
+    used_rows,
 )
 from hybridsurrogate.types import FloatArray
 
@@ -51,6 +57,8 @@ _LEAST_RUNS, _LEAST_ROWS = 8, 5
 _MOST_PLACES = 1000
 # what the components leave of the spread of all curves, and how many there are at most
 _LEFT, _MOST_COMPONENTS = 1e-3, 40
+# of the variance of repeated runs, what is left to the noise of single rows
+_HUNDREDTH = 0.01
 # rounds in which missing pieces of curves are filled in from the components
 _ROUNDS = 10
 
@@ -72,6 +80,12 @@ class Curves:
         Of the interpolation along the curves, 1 or 3.
     between : BetweenPlaces
         Error of interpolation along the curves.
+    scatter : ndarray of shape (q, n_places)
+        Repeated runs differ by the sum of these curves, each times a standard normal number,
+    rest : ndarray of shape (n_places,)
+        and by independent numbers with these standard deviations.
+    share : float
+        Variance of the mean of a run's repeats in units of that of one.
     """
 
     along: int
@@ -80,20 +94,53 @@ class Curves:
     outputs: FloatArray
     degree: int
     between: BetweenPlaces
+    scatter: FloatArray
+    rest: FloatArray
+    share: float
 
     @cached_property
     def components(self) -> Components:
-        """The principal components of the outputs."""
-        mean = self.outputs.mean(axis=0)
-        left, size, curves = np.linalg.svd(self.outputs - mean, full_matrices=False)
-        total = float(np.sum(size**2))
-        rest = np.append(np.cumsum(size[::-1] ** 2)[::-1], 0.0)
-        k = int(np.argmax(rest <= max(_LEFT**2 * total, 1e-300)))
-        k = min(max(k, 1), _MOST_COMPONENTS, len(size))
-        missed = np.sqrt(np.mean((left[:, k:] * size[k:] @ curves[k:]) ** 2, axis=0))
-        table = np.vstack([mean, curves[:k], missed]).T
+        """The principal components of the outputs, of mean curves those above their noise."""
+        noise = _noise(self.scatter, self.rest, self.share)
+        mean, left, size, curves, k = _principal(self.outputs, noise)
+        square = np.mean((left[:, k:] * size[k:] @ curves[k:]) ** 2, axis=0)
+        noise = noise - noise @ curves[:k].T @ curves[:k]
+        missed = np.sqrt(np.maximum(square - np.sum(noise**2, axis=0), 0.0))
+        table = np.vstack([mean, curves[:k], missed, self.rest, self.scatter]).T
         spline = make_interp_spline(self.places, table, k=self.degree)
         return Components(left[:, :k] * size[:k], self.places[[0, -1]], spline, self.between)
+
+
+def _noise(scatter: FloatArray, rest: FloatArray, share: float) -> FloatArray:
+    """Return N (r, n_places): the noise of mean curves has covariance N' N."""
+    return np.sqrt(share) * np.vstack([scatter, np.diag(rest)[rest > 0]])
+
+
+def _principal(
+    outputs: FloatArray, noise: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, int]:
+    """Return mean and singular values and vectors of curves, and how many of these are kept.
+
+    Of stochastic runs, with noise as from `_noise`, those with more variance than noise alone has.
+    """
+    mean = outputs.mean(axis=0)
+    left, size, curves = np.linalg.svd(outputs - mean, full_matrices=False)
+    rest = np.append(np.cumsum(size[::-1] ** 2)[::-1], 0.0)
+    k = int(np.argmax(rest <= max(_LEFT**2 * rest[0], 1e-300)))
+    if len(noise):
+        variance = np.sum(noise**2, axis=1)
+        most = _by_chance(np.sum(variance) ** 2 / np.sum(variance**2), len(outputs))
+        own = np.sum((curves[:k] @ noise.T) ** 2, axis=1)
+        k = int(np.sum(np.cumprod(size[:k] ** 2 > len(outputs) * own * most)))
+    return mean, left, size, curves, min(max(k, 1), _MOST_COMPONENTS, len(size))
+
+
+def _by_chance(directions: Any, n: int) -> Any:
+    """Return the largest principal variance of equal directions, from n curves, per their mean.
+
+    Marchenko and Pastur 1967, Mathematics of the USSR-Sbornik 1:457.
+    """
+    return (1 + np.sqrt(directions / n)) ** 2
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,7 +154,8 @@ class Components:
     ends : ndarray of shape (2,)
         Of the places.
     spline : BSpline
-        Mean, components, and the standard deviation of the residual, k + 2 curves.
+        Mean, components, the standard deviations of the residual and of the rest of the scatter,
+        and the scatter of repeated runs, k + 3 + q curves.
     between : BetweenPlaces
         Error of interpolation along them.
     """
@@ -122,8 +170,13 @@ class Components:
 
         Held at the ends. The error of interpolation is not in it.
         """
-        table = self.spline(np.clip(places, *self.ends))
-        return table[:, 0], table[:, 1:-1], np.maximum(table[:, -1], 0.0)
+        table, k = self.spline(np.clip(places, *self.ends)), self.coefficients.shape[1]
+        return table[:, 0], table[:, 1 : k + 1], np.maximum(table[:, k + 1], 0.0)
+
+    def scatter(self, places: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return S (n, q) and s (n,): repeated runs have covariance S S' + diag(s^2)."""
+        table, k = self.spline(np.clip(places, *self.ends)), self.coefficients.shape[1]
+        return table[:, k + 3 :], np.maximum(table[:, k + 2], 0.0)
 
 
 def curves_of(X: FloatArray, omega: FloatArray, eta: FloatArray) -> Curves | None:
@@ -141,10 +194,12 @@ def curves_of(X: FloatArray, omega: FloatArray, eta: FloatArray) -> Curves | Non
     # quick, for runs that are no curves may be millions
     if np.sum(~pd.DataFrame(omega).duplicated()) * _LEAST_ROWS > len(eta):
         return None
+    # repeats of a run are no rows of a curve
+    n_rows = int(np.sum(~pd.DataFrame(np.hstack([X, omega])).duplicated()))
     best: tuple[int, FloatArray, NDArray[np.intp]] | None = None
     for along in range(X.shape[1]):
         others, run = _alike(np.hstack([np.delete(X, along, axis=1), omega]))
-        are_curves = _LEAST_RUNS <= len(others) <= len(eta) / _LEAST_ROWS
+        are_curves = _LEAST_RUNS <= len(others) <= n_rows / _LEAST_ROWS
         if are_curves and (best is None or len(others) < len(best[1])):
             best = along, others, run
     if best is None:
@@ -153,12 +208,52 @@ def curves_of(X: FloatArray, omega: FloatArray, eta: FloatArray) -> Curves | Non
     places, table, interpolated = _on_one_grid(X[:, along], run, eta, len(others))
     if len(places) < _LEAST_ROWS:
         return None
+    scatter, rest, share = _scatter(places, X[:, along], run, eta, len(others))
     whole = ~(interpolated | np.isnan(table)).any(axis=1)
     enough = np.sum(whole) >= _LEAST_RUNS
     pieces = [(places, table[whole])] if enough else _runs(X[:, along], run, eta)
+    filled = _filled(table)
+    noise = _noise(scatter, rest, share)
+    if len(noise):  # it is no error of interpolation
+        mean, left, size, curves, k = _principal(filled, noise)
+        pieces = [(places, mean + left[:, :k] * size[:k] @ curves[:k])]
     degree = degree_of(pieces)
     between = between_places(places, interpolated.mean(axis=0), pieces, degree)
-    return Curves(along, places, others, _filled(table), degree, between)
+    return Curves(along, places, others, filled, degree, between, scatter, rest, share)
+
+
+def _scatter(
+    places: FloatArray, x: FloatArray, run: NDArray[np.intp], eta: FloatArray, n_runs: int
+) -> tuple[FloatArray, FloatArray, float]:
+    """Return ``scatter``, ``rest`` and ``share`` of `Curves`: of repeats that have all places.
+
+    Curves as long as they are larger than those of independent rows. The inverse of a covariance
+    that is estimated is too large, by a factor that makes up for it (Hartlap, Simon and Schneider
+    2007, Astronomy and Astrophysics 464:399, equation 17).
+    """
+    none = np.empty((0, len(places))), np.zeros(len(places)), 1.0
+    column = np.searchsorted(places, x)
+    if np.any(places[np.minimum(column, len(places) - 1)] != x):
+        return none
+    frame = pd.DataFrame({"run": run, "column": column, "eta": eta})
+    frame["repeat"] = frame.groupby(["run", "column"]).cumcount()
+    if not frame["repeat"].any():
+        return none
+    whole = frame.pivot_table("eta", ["run", "repeat"], "column").dropna()
+    by_run = whole.groupby("run")
+    degrees = len(whole) - by_run.ngroups
+    if not degrees:
+        return none
+    differ = (whole - by_run.transform("mean")).to_numpy() / np.sqrt(degrees)
+    _, size, curves = np.linalg.svd(differ, full_matrices=False)
+    left = np.cumsum(size[::-1] ** 2)[::-1]
+    directions = len(places) - np.arange(len(size))
+    larger = size**2 > left / directions * _by_chance(directions, degrees)
+    q = int(np.sum(np.cumprod(larger & (left > _HUNDREDTH * left[0]))[:_MOST_COMPONENTS]))
+    share = np.sum(1 / by_run.size()) + n_runs - by_run.ngroups
+    rest = np.sqrt(np.sum((size[q:, None] * curves[q:]) ** 2, axis=0))
+    size = size * np.sqrt(degrees / max(degrees - q - 1, 1))
+    return size[:q, None] * curves[:q], rest, float(share / n_runs)
 
 
 def _alike(rows: FloatArray) -> tuple[FloatArray, NDArray[np.intp]]:
@@ -276,6 +371,8 @@ class CurveEmulator:
         Of the process, for each coefficient.
     local : LocalError
         Factors on the error where the runs show that it is larger.
+    left_out : LeftOutRuns
+        Runs that are left out.
     """
 
     along: int
@@ -286,6 +383,7 @@ class CurveEmulator:
     whiten: FloatArray
     sd: FloatArray
     local: LocalError
+    left_out: LeftOutRuns
 
     def output(self, X: FloatArray, omega: FloatArray) -> FloatArray:
         """Return the most probable output for rows of inputs and parameters, (n,)."""
@@ -309,20 +407,41 @@ class CurveEmulator:
         return mean + np.einsum("nk,nk->n", curves, coefficients)
 
     def both(self, X: FloatArray, omega: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return `output` (n,) and `spread` (n, k + 1)."""
+        """Return `output` (n,) and `spread` (n, k + 1 + q)."""
         points, group = self._points(X, omega)
         coefficients, left = self._given_runs(points)
         mean, curves, missed = self.components.at(X[:, self.along])
         output = mean + np.einsum("nk,nk->n", curves, coefficients[group])
         rest = np.hypot(missed, self.between(X))
-        return output, np.column_stack([left[group, None] * curves * self.sd, rest])
+        spread = [left[group, None] * curves * self.sd, rest, self.scatter(X)[0]]
+        return output, np.column_stack(spread)
 
     def spread(self, X: FloatArray, omega: FloatArray) -> FloatArray:
-        """Return S (n, k + 1): the error has covariance S S' among rows of equal parameters.
+        """Return S (n, k + 1 + q): the error has covariance S S' among rows of equal parameters.
 
-        But for interpolation, of which the last column has the size: `error` has its correlations.
+        But for interpolation, of which column k has the size: `error` has its correlations. The
+        last q columns are the scatter of repeated runs.
         """
         return self.both(X, omega)[1]
+
+    @property
+    def n_spread(self) -> int:
+        """Columns of `spread`."""
+        return self.components.spline.c.shape[1] - 2
+
+    def run_of(self, X: FloatArray, omega: FloatArray) -> NDArray[np.intp]:
+        """Return which run each row (n,) is of, in the order of the coefficients.
+
+        ``X`` and ``omega`` are all that it was learned from.
+        """
+        return _alike(np.hstack([np.delete(X, self.along, axis=1), omega]))[1]
+
+    def scatter(self, X: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return S (n, q) and s (n,): runs of a stochastic simulation differ by S S' + diag(s^2).
+
+        That is one realisation. Independent numbers are left to the noise of measured rows.
+        """
+        return self.components.scatter(X[:, self.along])
 
     def between(self, X: FloatArray) -> FloatArray:
         """Return the standard deviation of interpolation between simulated places, (n,)."""
@@ -336,15 +455,17 @@ class CurveEmulator:
         return mean + self._coefficients(omega) @ curves.T
 
     def outer_both(self, X: FloatArray, omega: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return `both` of n inputs for each of J parameters, (J, n) and (J, n, k + 1)."""
+        """Return `both` of n inputs for each of J parameters, (J, n) and (J, n, k + 1 + q)."""
         if X.shape[1] > 1:
             output, spread = self.both(*each_with_each(X, omega))
             return output.reshape(len(omega), -1), spread.reshape(len(omega), len(X), -1)
         mean, curves, missed = self.components.at(X[:, 0])
         coefficients, left = self._given_runs(omega)
-        spread = np.empty((len(omega), len(X), len(self.sd) + 1))
-        np.multiply(left[:, None, None], curves * self.sd, out=spread[..., :-1])
-        spread[..., -1] = np.hypot(missed, self.between(X))
+        scatter, k = self.scatter(X)[0], len(self.sd)
+        spread = np.empty((len(omega), len(X), k + 1 + scatter.shape[1]))
+        np.multiply(left[:, None, None], curves * self.sd, out=spread[..., :k])
+        spread[..., k] = np.hypot(missed, self.between(X))
+        spread[..., k + 1 :] = scatter
         return mean + coefficients @ curves.T, spread
 
     def _coefficients(self, points: FloatArray) -> FloatArray:
@@ -367,7 +488,11 @@ class CurveEmulator:
         return coefficients, left
 
     def error(self, X: FloatArray, omega: FloatArray) -> FloatArray:
-        """Return F (n, r): the covariance of the error at all these rows is F F'."""
+        """Return F (n, r): the covariance of the error at all these rows is F F'.
+
+        With the scatter of a stochastic simulation: rows whose other inputs are equal are one
+        realisation, also where parameters differ between them.
+        """
         points, group = self._points(X, omega)
         places = self._places(points)
         _, curves, missed = self.components.at(X[:, self.along])
@@ -377,7 +502,10 @@ class CurveEmulator:
             factor = _factor(self.covariance(points))
         of_runs = (curves * self.sd)[:, :, None] * factor[group][:, None, :]
         of_places, rest = self._error_between(X, places, group, missed)
-        F = np.column_stack([of_runs.reshape(len(X), -1), of_places, rest])
+        realisation = _alike(np.delete(X, self.along, axis=1))[1]
+        own = realisation[:, None] == np.arange(np.max(realisation, initial=-1) + 1)
+        scatter = (self.scatter(X)[0][:, None] * own[:, :, None]).reshape(len(X), -1)
+        F = np.column_stack([of_runs.reshape(len(X), -1), of_places, rest, scatter])
         if F.shape[1] <= len(X):
             return F
         return _factor(F @ F.T)
@@ -429,6 +557,27 @@ class CurveEmulator:
         return self.process.places(np.empty((len(points), 0)), points)
 
 
+class LeftOutRuns(NamedTuple):
+    """Runs that are left out, of those that the process is conditioned on.
+
+    Attributes
+    ----------
+    runs : ndarray of shape (m,)
+        Which they are, of all runs in the order of the coefficients.
+    coefficients : ndarray of shape (m, k)
+        Of their components, as all others predict them.
+    variance : ndarray of shape (m,)
+        Of these means and of a run's noise, in units of the process's.
+    noise : float
+        The part of it that is noise.
+    """
+
+    runs: NDArray[np.intp]
+    coefficients: FloatArray
+    variance: FloatArray
+    noise: float
+
+
 def _factor(covariance: FloatArray) -> FloatArray:
     """Return F (n, r) with F F' the covariance (n, n), but for what is negligible."""
     return pivoted_factor(
@@ -463,6 +612,10 @@ def emulate_curves(
     matrix = runs.places.alike(runs.places)
     given = condensed(matrix, process.covariance.nugget, runs.residual)
     local = LocalError.of(runs.places.points, given.misses)
+    used = used_rows(len(coefficients), MOST_CURVES)
+    variance = local.at(runs.places.points) ** 2 / given.precision
+    mean = coefficients[used] - given.left_out
+    left_out = LeftOutRuns(used, mean, variance, process.covariance.nugget)
     return CurveEmulator(
         curves.along,
         components,
@@ -472,4 +625,5 @@ def emulate_curves(
         given.whiten,
         given.sd,
         local,
+        left_out,
     )

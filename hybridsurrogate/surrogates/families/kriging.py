@@ -95,8 +95,7 @@ class Kriging(Surrogate):
             rows = domain.X, domain.omega, domain.eta
             curves = emulate_curves(*rows, domain.input_ranges, domain.parameter_ranges)
             if curves is not None:
-                k = 1 + len(curves.sd)
-                return CurveBasis(np.zeros(k), np.ones(k), curves)
+                return CurveBasis.of(curves)
         trend = given.build(domain)
         if trend.hyperpriors or trend.is_simulation:
             raise ValueError(needs)
@@ -195,6 +194,12 @@ class CurveBasis(Basis):
 
     emulator: CurveEmulator
     holds_runs = True
+
+    @classmethod
+    def of(cls, emulator: CurveEmulator) -> CurveBasis:
+        """Return the basis of an emulator: each feature has a standard normal coefficient."""
+        p = emulator.n_spread
+        return cls(np.zeros(p), np.ones(p), emulator)
 
     def known(
         self, X: FloatArray, omega: FloatArray, hyper: FloatArray | None = None
