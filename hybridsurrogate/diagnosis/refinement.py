@@ -114,8 +114,9 @@ def refine(
         left -= len(asked)
         table = simulator.run_at(asked, along, n_jobs, progress=bool(diagnosis.progress))
         done = table[table[list(data.outputs)].notna().any(axis=1)]
-        if len(done):
-            data = data.with_rows(done)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", FailedRunsWarning)
+            data = data.with_rows(table)
         lost = len(asked) - len(done if along is None else np.unique(done[RUN]))
         if lost:
             warnings.warn(

@@ -22,6 +22,7 @@ from hybridsurrogate.emulators.conditioned import (
     of_process,
     through_runs,
 )
+from hybridsurrogate.emulators.failures import Failures
 from hybridsurrogate.exceptions import ExtrapolationWarning
 from hybridsurrogate.simulation.simulation_data import SimulationData
 from hybridsurrogate.simulation.variables import as_matrix, check_finite
@@ -188,7 +189,7 @@ class Emulator(BaseEstimator):
         self.feature_names_in_ = np.array(names, dtype=object)
         self.n_features_in_ = len(names)
         self.left_out_ = {n: one.left_out for n, one in zip(runs.outputs, found, strict=True)}
-        self._emulators = found
+        self._emulators, self._failures = found, Failures.of(runs)
         return self
 
     def predict(
@@ -214,8 +215,7 @@ class Emulator(BaseEstimator):
         check_flag(with_noise, "with_noise")
         runs = self.simulation_
         names = tuple(self.feature_names_in_)
-        matrix = as_matrix(points, "points", names)
-        check_finite(matrix, "points", names)
+        matrix = self._checked(points)
         ranges = np.array([*runs.input_ranges.values(), *runs.parameter_ranges.values()])
         beyond = (matrix < ranges[:, 0]) | (matrix > ranges[:, 1])
         if beyond.any():
@@ -235,6 +235,29 @@ class Emulator(BaseEstimator):
         if len(both) == 1:
             mean, sd = mean[:, 0], sd[:, 0]
         return (mean, sd) if return_std else mean
+
+    def predict_failure(self, points: ArrayLike) -> FloatArray:
+        """Return the probability that a run fails.
+
+        Parameters
+        ----------
+        points : DataFrame, or array-like of shape (n, n_features_in_)
+            As in `predict`.
+
+        Returns
+        -------
+        ndarray of shape (n,)
+            From a Gaussian-process classifier of the runs with and without outputs,
+            `SimulationData.failed`; 0 where no run failed.
+        """
+        check_is_fitted(self, "simulation_")
+        return self._failures.probability(self._checked(points))
+
+    def _checked(self, points: ArrayLike) -> FloatArray:
+        names = tuple(self.feature_names_in_)
+        matrix = as_matrix(points, "points", names)
+        check_finite(matrix, "points", names)
+        return matrix
 
 
 def _emulated(kind: str, runs: SimulationData, y: FloatArray) -> OneEmulator:

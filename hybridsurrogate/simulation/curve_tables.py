@@ -163,7 +163,10 @@ def _warn_of_unnamed(
 
 
 def without_missing(table: pd.DataFrame, name: str, outputs: Sequence[str]) -> pd.DataFrame:
-    """Leave out rows without a place or any output; warn of runs that have none at all."""
+    """Leave out rows without a place or any output; warn of runs that have none at all.
+
+    The attribute "failed" has a row of each of these.
+    """
     there = np.isfinite(table[list(outputs)].to_numpy(dtype=float)).any(axis=1)
     there &= np.isfinite(table[name].to_numpy(dtype=float))
     lost = sorted(set(table[RUN]) - set(table[RUN][there]))
@@ -177,7 +180,9 @@ def without_missing(table: pd.DataFrame, name: str, outputs: Sequence[str]) -> p
             FailedRunsWarning,
             stacklevel=5,
         )
-    return table[there].reset_index(drop=True)
+    out = table[there].reset_index(drop=True)
+    out.attrs["failed"] = table[table[RUN].isin(lost)].drop_duplicates(RUN)
+    return out
 
 
 def check_curves(

@@ -12,9 +12,11 @@ import numpy as np
 
 from hybridsurrogate.diagnosis.checks.caution import SETTINGS, Caution
 from hybridsurrogate.diagnosis.search.search import Search
+from hybridsurrogate.emulators.failures import Failures
 from hybridsurrogate.estimators.emulation import LONG, seconds_of_each
 from hybridsurrogate.exceptions import DiagnosisWarning
 from hybridsurrogate.model.context import LONGEST_STEP, around, output
+from hybridsurrogate.model.posterior import Posterior
 from hybridsurrogate.model.problem import Problem
 from hybridsurrogate.model.statistics import emulator_posterior
 from hybridsurrogate.numerics.digits import number
@@ -22,6 +24,7 @@ from hybridsurrogate.simulation.arrays import is_whole
 from hybridsurrogate.simulation.simulator import SimulationData
 from hybridsurrogate.surrogates import Kriging
 from hybridsurrogate.surrogates.basis import Basis, Surrogate
+from hybridsurrogate.types import FloatArray
 
 
 def seconds_a_run(problem: Problem) -> float:
@@ -68,6 +71,8 @@ def warn_if_slow(problem: Problem, n_folds: int | None = None) -> None:
     )
 
 
+# draws of a posterior at which failures are predicted
+_DRAWS = 50
 # more than the noise hides, in its standard deviations; measured rows mend some of what is missed
 MOST_OPEN, MOST_MISSED = 1.0, 2.0
 # of runs that are whole numbers: 24 nats of a jump were lost where they left 0.35 open, and
@@ -212,6 +217,26 @@ def check_emulator(result: Search, surrogate: Basis, runs: SimulationData) -> Em
     left_open, missed, between, scatter = rms.tolist()
     of_curves = between, along[0] if along else None
     return EmulatorCheck(left_open, missed, beyond, *of_curves, rounding, scatter)
+
+
+def cautions_of_failures(runs: object, posterior: Posterior, X: FloatArray) -> list[Caution]:
+    """Return a caution where most runs at the measured rows would fail, over the posterior."""
+    if not isinstance(runs, SimulationData) or not len(runs.failed):
+        return []
+    some = posterior.take(np.linspace(0, posterior.n_draws - 1, _DRAWS).astype(int))
+    places = some.model.places(X[:, : len(some.model.columns)], some.values)
+    share = float(np.mean(Failures.of(runs).probability(np.hstack(places))))
+    if share < SETTINGS.half:
+        return []
+    return [
+        Caution(
+            "runs",
+            f"Where the data put the parameters, a run fails with probability {share:.0%}: "
+            f"{len(runs.failed)} runs of the simulation did. There the emulator extrapolates from "
+            "the runs that did not. Find out why they fail, or whether a prior allows what cannot "
+            "be.",
+        )
+    ]
 
 
 def warn_if_rough(problem: Problem) -> None:
