@@ -68,7 +68,7 @@ class Emulator(BaseEstimator):
     ----------
     kind : {"auto", "kriging", "curves", "polynomial"}, default="auto"
         ``"kriging"``: a Gaussian process on the terms of a polynomial, see `Kriging`. ``"curves"``:
-        one for the coefficients of the principal components of runs that are curves.
+        one for the coefficients of the principal components of runs that are curves or fields.
         ``"polynomial"``: a polynomial chaos, whose error is that of runs left out, everywhere.
         ``"auto"``: curves where runs are curves, else kriging.
 

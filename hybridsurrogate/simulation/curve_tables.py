@@ -186,7 +186,7 @@ def without_missing(table: pd.DataFrame, name: str, outputs: Sequence[str]) -> p
 
 
 def check_curves(
-    table: pd.DataFrame, name: str, names: Sequence[str], outputs: Sequence[str]
+    table: pd.DataFrame, along: Sequence[str], names: Sequence[str], outputs: Sequence[str]
 ) -> None:
     """Raise ValueError for a run with two values of a parameter, or with two results."""
     of_runs = table.groupby(RUN)
@@ -198,7 +198,7 @@ def check_curves(
                 "a run is an input, and there may be one, along which the run is a curve."
             )
     for output in outputs:
-        _check_repeats(table, [*names, name], output)
+        _check_repeats(table, [*names, *along], output)
 
 
 def _check_repeats(table: pd.DataFrame, keys: list[str], output: str) -> None:

@@ -270,7 +270,7 @@ class SimulationData:
         outputs = output_names(output)
         check_names(outputs, [name, *names])
         table = curve_rows(omega, Y, along, names, outputs)
-        check_curves(table, name, names, outputs)
+        check_curves(table, [name], names, outputs)
         ranges = inputs if isinstance(inputs, Mapping) else {}
         ends = {
             key: ranges.get(key, (float(table[key].min()), float(table[key].max())))
@@ -387,15 +387,14 @@ class SimulationData:
             run = np.concatenate([self.run, labels.ravel() + int(np.max(self.run)) + 1])
         whole = pd.concat([self.to_frame()[names], more], ignore_index=True)
         if run is not None:
-            along = next(
-                (name for name in self.input_names if whole[name].groupby(run).nunique().max() > 1),
-                self.input_names[0],
-            )
+            # one input along which runs are curves, or two of fields
+            changes = pd.DataFrame(self.X).groupby(self.run).nunique().max() > 1
+            along = [name for name, one in zip(self.input_names, changes, strict=True) if one]
             constant = [*self.input_names, *self.parameter_ranges]
-            constant.remove(along)
             # repeats of a stochastic simulation differ
-            repeated = self.to_frame()[[*constant, along]].duplicated().any()
+            repeated = self.to_frame()[constant].duplicated().any()
             outputs = () if repeated else self.outputs
+            constant = [name for name in constant if name not in along]
             check_curves(whole.assign(**{RUN: run}), along, constant, outputs)
         ranges = {
             name: (min(low, more[name].min()), max(high, more[name].max()))

@@ -7,7 +7,7 @@ from scipy import stats
 from scipy.stats import qmc, uniform
 
 import hybridsurrogate as hs
-from hybridsurrogate.surrogates.emulation.curve_emulator import curves_of
+from hybridsurrogate.surrogates.emulation.curves import curves_of
 
 PRIORS = {"rate": uniform(0.2, 0.8), "level": uniform(1, 2)}
 RANGES = np.array([[0.0, 10.0], [0.2, 1.0], [1.0, 3.0]])

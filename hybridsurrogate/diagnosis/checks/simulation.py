@@ -104,7 +104,7 @@ class EmulatorCheck(NamedTuple):
         The part of ``left_open`` that lies between the places of runs that are curves: finer places
         close it, and more runs do not.
     along : str or None
-        The input along which runs are curves.
+        The input along which runs are curves; of fields both.
     rounding : float or None
         What rounding to whole numbers takes from an expected count at the measured rows, where runs
         of counts are whole numbers; None where they are not.
@@ -215,7 +215,7 @@ def check_emulator(result: Search, surrogate: Basis, runs: SimulationData) -> Em
         errors = problem.likelihood.rounding(outputs[0])
         rounding = float(np.sqrt(np.mean((errors / unit) ** 2)))
     left_open, missed, between, scatter = rms.tolist()
-    of_curves = between, along[0] if along else None
+    of_curves = between, " and ".join(along) or None
     return EmulatorCheck(left_open, missed, beyond, *of_curves, rounding, scatter)
 
 

@@ -53,7 +53,8 @@ class Kriging(Surrogate):
     -----
     Where runs are curves, with at least five rows along one input for equal parameters, and no
     trend is given, the process is that of the curves' principal components, a function of the
-    parameters. It has no terms, which gained nothing in ten simulations. All runs train it, and the
+    parameters. So it is where runs are fields, with all pairs of at least five places along each of
+    two inputs. It has no terms, which gained nothing in ten simulations. All runs train it, and the
     coefficients describe its remaining error. The measured data then train these, and ``beta``
     sets the weight of the measured data alone.
 
