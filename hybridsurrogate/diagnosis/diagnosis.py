@@ -417,7 +417,8 @@ class DiscrepancyDiagnosis(RegressorMixin, BaseEstimator):
     def next_runs(self, n: int = 10) -> pd.DataFrame:
         """Return the runs that would reduce the uncertainty of the emulator most.
 
-        At the measured rows, for the models before and after and for the alternatives. Run them and
+        At the measured rows, for the models before and after and for the alternatives. A run that
+        will probably fail, as the runs that did show, counts as little as it informs. Run them and
         add them to the data (`SimulationData.with_rows`), or let `refine` do both.
 
         Parameters
@@ -439,8 +440,7 @@ class DiscrepancyDiagnosis(RegressorMixin, BaseEstimator):
         check_scalar(n, "n", Integral, min_val=1)
         simulation = self.estimator_.data_.simulation
         models = self.estimator_, self.extended_estimator_
-        names = [*simulation.input_names, *simulation.parameter_ranges]
-        return next_runs(self.search_, [m.posterior_ for m in models], int(n), names)
+        return next_runs(self.search_, [m.posterior_ for m in models], int(n), simulation)
 
     def next_measurements(
         self,

@@ -112,10 +112,18 @@ def refine(
             break
         asked = current.next_runs(min(int(batch), left))
         left -= len(asked)
-        table = simulator.run_at(asked, along, n_jobs, progress=bool(diagnosis.progress))
+        places = asked
+        for name in data.input_names[1:]:  # of a field the second axis
+            if name not in asked:
+                axis = data.X[:, data.input_names.index(name)]
+                places = places.merge(pd.DataFrame({name: np.unique(axis)}), how="cross")
+        table = simulator.run_at(places, along, n_jobs, progress=bool(diagnosis.progress))
+        if along is not None:
+            table[RUN] //= len(places) // len(asked)
         done = table[table[list(data.outputs)].notna().any(axis=1)]
-        if len(done):
-            data = data.with_rows(done)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", FailedRunsWarning)
+            data = data.with_rows(table)
         lost = len(asked) - len(done if along is None else np.unique(done[RUN]))
         if lost:
             warnings.warn(

@@ -14,10 +14,10 @@ from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
+import pandas as pd
 from numpy.typing import NDArray
 from scipy import stats
 from scipy.linalg import block_diag, cho_factor, cho_solve
-from scipy.spatial import cKDTree
 
 from hybridsurrogate.model.statistics import (
     EmulatorPosterior,
@@ -25,7 +25,6 @@ from hybridsurrogate.model.statistics import (
     statistics_of_runs,
 )
 from hybridsurrogate.numerics.linear_algebra import (
-    NEGLIGIBLE,
     blocks,
     each_with_each,
     pivoted_cholesky,
@@ -79,8 +78,28 @@ class LeftOut(NamedTuple):
         return float(np.mean(np.abs(self.pit - 0.5) <= level / 2))
 
 
+def _without(
+    points: FloatArray, weights: FloatArray, precision: FloatArray, noise: float
+) -> tuple[FloatArray, FloatArray]:
+    """Return errors (n,) of runs that are left out, and their variances (n,).
+
+    A run is left out with its repeats, of equal points (n, d). A block of the precision matrix P
+    is the inverse of their covariance given the others (Dubrule 1983, Mathematical Geology 15:687):
+    noise I + c 11', with c from its diagonal. ``weights`` (n,) are P times the outputs.
+    """
+    groups = pd.Series(weights).groupby(
+        pd.DataFrame(points).groupby([*range(points.shape[1])]).ngroup()
+    )
+    size, total = groups.transform("size").to_numpy(), groups.transform("sum").to_numpy()
+    share = 1 - noise * precision
+    c = noise * share / np.maximum(1 - size * share, 1e-6)
+    alone = size == 1
+    error = np.where(alone, weights / precision, noise * weights + c * total)
+    return error, np.where(alone, 1 / precision, noise + c)
+
+
 def of_process(basis: KrigedBasis, y: FloatArray) -> LeftOut:
-    """Return the runs of a process, each given all others (Rasmussen and Williams 2006, 5.12).
+    """Return the runs of a process, each given all others but its repeats.
 
     Parameters
     ----------
@@ -91,9 +110,10 @@ def of_process(basis: KrigedBasis, y: FloatArray) -> LeftOut:
     """
     rows = used_rows(len(y))
     y = y[rows]
+    points, nugget = basis.runs.points, basis.process.covariance.nugget
     precision = np.sum(basis.whiten**2, axis=0)
-    sd = basis.sd * basis.local.at(basis.runs.points) / np.sqrt(precision)
-    return LeftOut(rows, y, y - basis.weights / precision, sd)
+    error, variance = _without(points, basis.weights, precision, nugget)
+    return LeftOut(rows, y, y - error, basis.sd * basis.local.at(points) * np.sqrt(variance))
 
 
 def of_curves(basis: KrigedCurves, X: FloatArray, omega: FloatArray, y: FloatArray) -> LeftOut:
@@ -104,19 +124,20 @@ def of_curves(basis: KrigedCurves, X: FloatArray, omega: FloatArray, y: FloatArr
     basis : KrigedCurves
     X, omega, y : ndarray of shape (n, n_inputs), (n, n_parameters), (n,)
     """
-    emulator = basis.emulator
-    none = np.empty((len(X), 0))
-    places = emulator.process.places(none, np.hstack([basis.of_runs(X), omega])).points
+    emulator, left = basis.emulator, basis.emulator.left_out
+    position = np.full(len(emulator.components.coefficients), -1)
+    position[left.runs] = np.arange(len(left.runs))
+    run = position[emulator.run_of(X, omega)]
     # those that the process is conditioned on, if there are more
-    apart, run = cKDTree(emulator.runs.points).query(places)
-    used = np.flatnonzero(apart < NEGLIGIBLE)
-    X, omega, y, run = X[used], omega[used], y[used], run[used]
-    precision = np.sum(emulator.whiten**2, axis=0)
-    _, curves, missed = emulator.components.at(X[:, emulator.along])
-    error = np.sum(curves * (emulator.weights / precision[:, None])[run], axis=1)
-    scale = (emulator.local.at(emulator.runs.points) / np.sqrt(precision))[run]
-    sd = np.hypot(scale * np.sqrt(np.sum((curves * emulator.sd) ** 2, axis=1)), missed)
-    return LeftOut(used, y, emulator.output(X, omega) - error, sd)
+    used = np.flatnonzero(run >= 0)
+    X, y, run = X[used], y[used], run[used]
+    mean, curves, missed = emulator.components.at(X[:, emulator.along])
+    mean = mean + np.einsum("nk,nk->n", curves, left.coefficients[run])
+    scatter = basis.noise(X) ** 2
+    # repeats are curves of their own, and the process's noise is that of their mean
+    variance = left.variance - left.noise * bool(scatter.any())
+    spread = np.maximum(variance, 0.0)[run] * np.sum((curves * emulator.sd) ** 2, axis=1)
+    return LeftOut(used, y, mean, np.sqrt(spread + missed**2 + scatter))
 
 
 @dataclass(frozen=True)
@@ -131,6 +152,8 @@ class LinearEmulator:
         Of the coefficients, in units of ``sd`` squared.
     sd : float
         Root mean square of what the polynomial misses in runs that are left out.
+    noise : float
+        The part of it that is noise of a stochastic simulation.
     left_out : LeftOut
     """
 
@@ -138,6 +161,7 @@ class LinearEmulator:
     mean: FloatArray
     covariance: FloatArray
     sd: float
+    noise: float
     left_out: LeftOut
 
     def predict(self, X: FloatArray, omega: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -149,16 +173,21 @@ class LinearEmulator:
         features = self.basis.features(X, omega)
         leverage = np.einsum("np,pq,nq->n", features, self.covariance, features)
         known = self.basis.known(X, omega) + features @ self.mean
-        return known, self.sd * np.sqrt(1 + leverage)
+        missed = max(self.sd**2 - self.noise**2, 0.0)
+        return known, np.sqrt(missed + self.sd**2 * leverage)
 
 
-def fit_linear(basis: Basis, X: FloatArray, omega: FloatArray, y: FloatArray) -> LinearEmulator:
+def fit_linear(
+    basis: Basis, X: FloatArray, omega: FloatArray, y: FloatArray, noise: float = 0.0
+) -> LinearEmulator:
     """Return the emulator of a linear basis without hyperparameters.
 
     Parameters
     ----------
     basis : Basis
     X, omega, y : ndarray of shape (n, n_inputs), (n, n_parameters), (n,)
+    noise : float, default=0.0
+        Standard deviation by which runs of equal inputs and parameters differ.
     """
     features, target = basis.features(X, omega), y - basis.known(X, omega)
     scale = float(np.std(y))
@@ -167,16 +196,14 @@ def fit_linear(basis: Basis, X: FloatArray, omega: FloatArray, y: FloatArray) ->
     prior = np.diag(basis.coefficient_sd**-2.0)
     variance = max(float(np.mean(residual**2)), (1e-9 * scale) ** 2, 1e-300)
     covariance = cho_solve(cho_factor(features.T @ features + variance * prior), np.eye(len(mean)))
-    # a row given all others: Sherman and Morrison's formula
     leverage = np.einsum("np,pq,nq->n", features, covariance, features)
-    left = residual / np.maximum(1 - leverage, 1e-6)
+    precision = np.maximum(1 - leverage, 1e-6)
+    left, own = _without(np.hstack([X, omega]), residual, precision, 1.0)
     # of so many terms, or of those that were chosen for these runs, residuals are too small: errors
     # of runs that are left out have the size of others
-    sd = float(np.sqrt(np.mean(left**2 * np.maximum(1 - leverage, 1e-6))))
-    spread = sd / np.sqrt(np.maximum(1 - leverage, 1e-6))
-    return LinearEmulator(
-        basis, mean, covariance, sd, LeftOut(np.arange(len(y)), y, y - left, spread)
-    )
+    sd = float(np.sqrt(np.mean(left**2 / own)))
+    left_out = LeftOut(np.arange(len(y)), y, y - left, sd * np.sqrt(own))
+    return LinearEmulator(basis, mean, covariance, sd, noise, left_out)
 
 
 # the rest of a variance when its factor has enough columns, in shares of the median
@@ -319,7 +346,7 @@ class KrigedCurves(Basis):
     def predict(self, X: FloatArray, omega: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return mean and standard deviation (n,) of the simulation."""
         mean, spread = self.emulator.both(X, omega)
-        return mean, np.sqrt(np.sum(spread**2, axis=1))
+        return mean, np.sqrt(np.sum(spread[:, : 1 + len(self.emulator.sd)] ** 2, axis=1))
 
     def of_runs(self, X: FloatArray) -> FloatArray:
         """Return the inputs that a run has one value of: without that along which it is a curve."""
@@ -333,11 +360,18 @@ class KrigedCurves(Basis):
         """Return the error of interpolation between simulated places, (n,)."""
         return self.emulator.between(X)
 
+    def scatter(self, X: FloatArray) -> FloatArray:
+        """Return the part (n,) of `error` by which repeated runs differ."""
+        return np.linalg.norm(self.emulator.scatter(X)[0], axis=1)
+
+    def noise(self, X: FloatArray) -> FloatArray:
+        """Return the standard deviation of repeated runs, (n,)."""
+        return np.hypot(self.scatter(X), self.emulator.scatter(X)[1])
+
     @property
     def with_features(self) -> CurveBasis:
         """The same with features for its error: a few coefficients."""
-        k = 1 + len(self.emulator.sd)
-        return CurveBasis(np.zeros(k), np.ones(k), self.emulator)
+        return CurveBasis.of(self.emulator)
 
     def known(
         self, X: FloatArray, omega: FloatArray, hyper: FloatArray | None = None

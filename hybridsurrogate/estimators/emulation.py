@@ -279,7 +279,9 @@ def _with_further(
             FailedRunsWarning,
             stacklevel=4,
         )
-    return runs.with_rows(done) if len(done) else runs
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", FailedRunsWarning)
+        return runs.with_rows(table)
 
 
 def _warn_if_long(simulator: Simulator, n: int, n_places: int, seconds: float) -> None:

@@ -163,7 +163,10 @@ def _warn_of_unnamed(
 
 
 def without_missing(table: pd.DataFrame, name: str, outputs: Sequence[str]) -> pd.DataFrame:
-    """Leave out rows without a place or any output; warn of runs that have none at all."""
+    """Leave out rows without a place or any output; warn of runs that have none at all.
+
+    The attribute "failed" has a row of each of these.
+    """
     there = np.isfinite(table[list(outputs)].to_numpy(dtype=float)).any(axis=1)
     there &= np.isfinite(table[name].to_numpy(dtype=float))
     lost = sorted(set(table[RUN]) - set(table[RUN][there]))
@@ -177,11 +180,13 @@ def without_missing(table: pd.DataFrame, name: str, outputs: Sequence[str]) -> p
             FailedRunsWarning,
             stacklevel=5,
         )
-    return table[there].reset_index(drop=True)
+    out = table[there].reset_index(drop=True)
+    out.attrs["failed"] = table[table[RUN].isin(lost)].drop_duplicates(RUN)
+    return out
 
 
 def check_curves(
-    table: pd.DataFrame, name: str, names: Sequence[str], outputs: Sequence[str]
+    table: pd.DataFrame, along: Sequence[str], names: Sequence[str], outputs: Sequence[str]
 ) -> None:
     """Raise ValueError for a run with two values of a parameter, or with two results."""
     of_runs = table.groupby(RUN)
@@ -193,7 +198,7 @@ def check_curves(
                 "a run is an input, and there may be one, along which the run is a curve."
             )
     for output in outputs:
-        _check_repeats(table, [*names, name], output)
+        _check_repeats(table, [*names, *along], output)
 
 
 def _check_repeats(table: pd.DataFrame, keys: list[str], output: str) -> None:

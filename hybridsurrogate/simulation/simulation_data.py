@@ -73,6 +73,8 @@ class SimulationData:
         The simulation that made the runs, if it can be called again.
     run : array-like of shape (n_rows,) or None, default=None
         The run that each row is of; None: each row is a separate run.
+    failed : array-like of shape (n_failed, n_inputs + n_parameters + n_assumed) or None
+        Further runs that gave no output, a row each. Runs of ``y`` without any are added.
 
     Attributes
     ----------
@@ -115,6 +117,7 @@ class SimulationData:
     omega: FloatArray
     y: FloatArray
     run: NDArray[np.intp] | None
+    failed: FloatArray
     n_rows: int
     n_runs: int
     parameters: dict[str, Prior]
@@ -139,6 +142,7 @@ class SimulationData:
         output: str | Sequence[str] = "y",
         simulator: Any | None = None,
         run: ArrayLike | None = None,
+        failed: ArrayLike | None = None,
     ) -> None:
         inputs = check_inputs(inputs)
         given = prior_names(parameters)
@@ -158,14 +162,19 @@ class SimulationData:
                 f"{', '.join(outputs)}."
             )
         check_lengths({"X": X, "omega": omega, "y": y})
-        labels = None if run is None else np.asarray(run)
-        if labels is not None:
-            if not np.issubdtype(labels.dtype, np.integer):
-                labels = np.unique(labels, return_inverse=True)[1]  # words, as files may have
-            if labels.shape != y.shape[:1]:
-                raise ValueError(f"run must have shape ({len(y)},), got {labels.shape}.")
-            labels = labels[finite_rows(X, omega, y)]
-        X, omega, y = drop_failed(X, omega, y, "runs", error=None)
+        lost = [] if failed is None else [as_matrix(failed, "failed", (*inputs, *priors))]
+        labels = np.arange(len(y)) if run is None else np.asarray(run)
+        if not np.issubdtype(labels.dtype, np.integer):
+            labels = np.unique(labels, return_inverse=True)[1]  # words, as files may have
+        if labels.shape != y.shape[:1]:
+            raise ValueError(f"run must have shape ({len(y)},), got {labels.shape}.")
+        finite = check_failed(X, omega, y, "runs", error=None)
+        if not finite.all():
+            _, first = np.unique(labels, return_index=True)
+            first = first[~np.isin(labels[first], labels[finite])]
+            points = np.hstack([X[first], omega[first]])
+            lost.append(points[np.isfinite(points).all(axis=1)])
+            X, omega, y, labels = X[finite], omega[finite], y[finite], labels[finite]
         for word, values in {"X": X, "omega": omega, "y": y}.items():
             check_spread(values, f"{word} of the runs")
         varied = varied_ranges(X, omega, fields)
@@ -173,9 +182,10 @@ class SimulationData:
             "X": X,
             "omega": omega,
             "y": y,
-            "run": labels,
+            "run": None if run is None else labels,
+            "failed": np.vstack([np.empty((0, X.shape[1] + omega.shape[1])), *lost]),
             "n_rows": len(y),
-            "n_runs": len(y) if labels is None else len(np.unique(labels)),
+            "n_runs": len(y) if run is None else len(np.unique(labels)),
             "output": ", ".join(outputs),
             "outputs": outputs,
             "simulator": simulator,
@@ -260,7 +270,7 @@ class SimulationData:
         outputs = output_names(output)
         check_names(outputs, [name, *names])
         table = curve_rows(omega, Y, along, names, outputs)
-        check_curves(table, name, names, outputs)
+        check_curves(table, [name], names, outputs)
         ranges = inputs if isinstance(inputs, Mapping) else {}
         ends = {
             key: ranges.get(key, (float(table[key].min()), float(table[key].max())))
@@ -276,6 +286,7 @@ class SimulationData:
             assumed,
             outputs,
             run=table[RUN],
+            failed=table.attrs["failed"][[*ends, *omega_names]],
         )
 
     @classmethod
@@ -376,20 +387,22 @@ class SimulationData:
             run = np.concatenate([self.run, labels.ravel() + int(np.max(self.run)) + 1])
         whole = pd.concat([self.to_frame()[names], more], ignore_index=True)
         if run is not None:
-            along = next(
-                (name for name in self.input_names if whole[name].groupby(run).nunique().max() > 1),
-                self.input_names[0],
-            )
+            # one input along which runs are curves, or two of fields
+            changes = pd.DataFrame(self.X).groupby(self.run).nunique().max() > 1
+            along = [name for name, one in zip(self.input_names, changes, strict=True) if one]
             constant = [*self.input_names, *self.parameter_ranges]
-            constant.remove(along)
-            check_curves(whole.assign(**{RUN: run}), along, constant, self.outputs)
+            # repeats of a stochastic simulation differ
+            repeated = self.to_frame()[constant].duplicated().any()
+            outputs = () if repeated else self.outputs
+            constant = [name for name in constant if name not in along]
+            check_curves(whole.assign(**{RUN: run}), along, constant, outputs)
         ranges = {
             name: (min(low, more[name].min()), max(high, more[name].max()))
             for name, (low, high) in self.input_ranges.items()
         }
         y = whole[self.output if len(self.outputs) == 1 else list(self.outputs)]
         omega = whole[list(self.parameter_ranges)]
-        return self.with_data(whole[list(ranges)], omega, y, run, inputs=ranges)
+        return self.with_data(whole[list(ranges)], omega, y, run, inputs=ranges, failed=self.failed)
 
     def with_data(
         self, X: Any, omega: Any, y: Any, run: Any | None = None, **changes: Any
@@ -422,6 +435,7 @@ class SimulationData:
             For an output that no run has.
         """
         row, which = np.nonzero(np.isfinite(self.y))
+        k, n = len(self.input_names), len(self.outputs)
         empty = sorted(set(range(len(self.outputs))) - set(which.tolist()))
         if empty:
             raise ValueError(f"No run has the output {self.outputs[empty[0]]!r}: leave it out.")
@@ -432,6 +446,7 @@ class SimulationData:
             None if self.run is None else self.run[row] * len(self.outputs) + which,
             inputs={**self.input_ranges, OUTPUT: (0.0, len(self.outputs) - 1.0)},
             output=self.output,
+            failed=np.vstack([np.insert(self.failed, k, which, axis=1) for which in range(n)]),
             simulator=None if self.simulator is None else self.simulator.single_output(scale),
         )
 
@@ -482,7 +497,7 @@ class SimulationData:
         return f"{self.n_runs} runs{source}"
 
     def _lock(self) -> None:
-        for array in (self.X, self.omega, self.y):
+        for array in (self.X, self.omega, self.y, self.failed):
             array.setflags(write=False)
 
 
@@ -535,10 +550,10 @@ def read_simulation(
     )
 
 
-def drop_failed(
+def check_failed(
     X: FloatArray, omega: FloatArray, y: FloatArray, title: str, error: str | None
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Keep the runs without NaN or infinity, and warn about the others."""
+) -> NDArray[np.bool_]:
+    """Return which runs hold neither NaN nor infinity, and warn about the others."""
     finite = finite_rows(X, omega, y)
     reason = f"First error: {error}" if error else "They hold NaN or infinity."
     if not finite.any():
@@ -551,8 +566,7 @@ def drop_failed(
             FailedRunsWarning,
             stacklevel=3,
         )
-        return X[finite], omega[finite], y[finite]
-    return X, omega, y
+    return finite
 
 
 def finite_rows(X: FloatArray, omega: FloatArray, y: FloatArray) -> NDArray[np.bool_]:

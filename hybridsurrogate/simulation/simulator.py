@@ -33,7 +33,7 @@ from hybridsurrogate.simulation.evaluation import OutputCache, Running, evaluate
 from hybridsurrogate.simulation.modification import Modification
 from hybridsurrogate.simulation.outputs import OUTPUT, OneOutput, by_output, output_names
 from hybridsurrogate.simulation.run_store import RunStore
-from hybridsurrogate.simulation.simulation_data import SimulationData, drop_failed, read_simulation
+from hybridsurrogate.simulation.simulation_data import SimulationData, check_failed, read_simulation
 from hybridsurrogate.simulation.table_file import RUN
 from hybridsurrogate.simulation.variables import (
     Assumed,
@@ -398,8 +398,8 @@ class Simulator:
         points = draw_design(ranges, n_runs, design, random_state)
         points, y, error = run_with_ends(outputs, points, ranges[:k], ends)
         X, omega = np.split(points, [k], axis=1)
-        X, omega, y = drop_failed(X, omega, y, f"runs of {self.name!r}", error)
-        return self._runs(X, omega, y)
+        done = check_failed(X, omega, y, f"runs of {self.name!r}", error)
+        return self._runs(X[done], omega[done], y[done], failed=points[~done])
 
     def run_at(
         self,
@@ -483,8 +483,9 @@ class Simulator:
             raise ValueError(
                 f"All {len(points)} runs of {self.name!r} failed. First error: {error}"
             )
+        lost = np.setdiff1d(run, run[kept])
+        failed = np.insert(points[lost], 0, places[0], axis=1)
         if not kept.all():
-            lost = np.setdiff1d(run, run[kept])
             warnings.warn(
                 f"{len(lost)} of {len(points)} runs of {self.name!r} failed and were dropped, "
                 f"{np.sum(~kept) - len(lost) * len(places)} further outputs are missing. "
@@ -492,13 +493,18 @@ class Simulator:
                 FailedRunsWarning,
                 stacklevel=3,
             )
-        return self._runs(X[kept], omega[kept], y[kept], run[kept])
+        return self._runs(X[kept], omega[kept], y[kept], run[kept], failed)
 
     def _runs(
-        self, X: FloatArray, omega: FloatArray, y: FloatArray, run: NDArray[np.intp] | None = None
+        self,
+        X: FloatArray,
+        omega: FloatArray,
+        y: FloatArray,
+        run: NDArray[np.intp] | None = None,
+        failed: FloatArray | None = None,
     ) -> SimulationData:
         named = self.input_ranges, self.parameters, self.assumed, self.outputs
-        return SimulationData(X, omega, y, *named, self, run)
+        return SimulationData(X, omega, y, *named, self, run, failed)
 
     @property
     def _omega_names(self) -> tuple[str, ...]:

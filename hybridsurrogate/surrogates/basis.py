@@ -257,6 +257,13 @@ class Basis(ABC):
         """
         return np.zeros(len(X))
 
+    def scatter(self, X: FloatArray) -> FloatArray:
+        """Return the part (n,) of `error` by which runs of a stochastic simulation differ.
+
+        A standard deviation. More runs leave it as it is, and a measured system is one run.
+        """
+        return np.zeros(len(X))
+
     @property
     def with_features(self) -> Basis | None:
         """The same with the error in a few coefficients; None where these would be many."""

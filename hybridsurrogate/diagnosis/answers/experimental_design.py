@@ -21,12 +21,14 @@ from hybridsurrogate.diagnosis.answers.averaging import (
 )
 from hybridsurrogate.diagnosis.search.candidate import LEAST_PROBABLE
 from hybridsurrogate.diagnosis.search.search import Search
+from hybridsurrogate.emulators.failures import Failures
 from hybridsurrogate.model.observation import MeasuredModel
 from hybridsurrogate.model.posterior import Posterior
 from hybridsurrogate.model.rows.columns import Experiments
 from hybridsurrogate.numerics.linear_algebra import LARGE_BLOCK, blocks
 from hybridsurrogate.simulation.arrays import as_numbers
 from hybridsurrogate.simulation.outputs import OUTPUT
+from hybridsurrogate.simulation.simulator import SimulationData, Simulator
 from hybridsurrogate.simulation.variables import MOST_LEVELS
 from hybridsurrogate.types import FloatArray
 
@@ -396,7 +398,10 @@ _DRAWS, _PLACES = 60, 500
 
 
 def next_runs(
-    result: Search, posteriors: Sequence[Posterior], n: int, names: Sequence[str]
+    result: Search,
+    posteriors: Sequence[Posterior],
+    n: int,
+    simulation: SimulationData | Simulator,
 ) -> pd.DataFrame:
     """Return the n runs that reduce uncertainty most where the models ask for the simulation.
 
@@ -410,8 +415,8 @@ def next_runs(
     posteriors : sequence of Posterior
         Of the models before and after.
     n : int
-    names : sequence of str
-        Inputs, parameters and assumed constants.
+    simulation : SimulationData
+        The runs. One that fails, as some of these may have, reduces nothing.
 
     Returns
     -------
@@ -424,7 +429,7 @@ def next_runs(
         Where the simulation is run itself, or its surrogate has no uncertainty.
     """
     basis, X = result.problem.model.basis, result.problem.X
-    if not basis.leaves_open:
+    if not (basis.leaves_open and isinstance(simulation, SimulationData)):
         raise ValueError(
             "The simulation is run itself, or its emulator has no uncertainty: no further run "
             "would add information."
@@ -438,7 +443,11 @@ def next_runs(
     runs = np.unique(np.hstack([inputs[:, kept], omega]), axis=0)
     if len(runs) > _PLACES:
         runs = runs[np.random.default_rng(0).choice(len(runs), _PLACES, replace=False)]
-    chosen = _settling(basis.open_at(runs[:, : len(kept)], runs[:, len(kept) :]), n)
+    names = [*simulation.input_names, *simulation.parameter_ranges]
+    points = np.zeros((len(runs), len(names)))
+    points[:, [*kept, *range(inputs.shape[1], len(names))]] = runs
+    share = 1 - Failures.of(simulation).probability(points)
+    chosen = _settling(basis.open_at(runs[:, : len(kept)], runs[:, len(kept) :]), n, share)
     columns = [names[k] for k in kept] + list(names[inputs.shape[1] :])
     return pd.DataFrame(runs[chosen], columns=columns)
 
@@ -457,14 +466,17 @@ def _models(
     return out
 
 
-def _settling(covariance: FloatArray, n: int) -> NDArray[np.intp]:
-    """Return n of the rows of a covariance, the one that takes most from all variances first."""
+def _settling(covariance: FloatArray, n: int, share: FloatArray | float = 1.0) -> NDArray[np.intp]:
+    """Return n of the rows of a covariance, the one that takes most from all variances first.
+
+    On average over whether it succeeds, of which ``share`` (n,) is the probability.
+    """
     left = covariance.copy()
     chosen: list[int] = []
     least = 1e-9 * float(np.max(np.diagonal(covariance), initial=0.0))
     for _ in range(min(n, len(left))):
         variance = np.diagonal(left)
-        gain = np.sum(left**2, axis=0) / np.maximum(variance, least)
+        gain = share * np.sum(left**2, axis=0) / np.maximum(variance, least)
         gain[chosen] = -np.inf
         k = int(np.argmax(gain))
         chosen.append(k)

@@ -12,9 +12,11 @@ import numpy as np
 
 from hybridsurrogate.diagnosis.checks.caution import SETTINGS, Caution
 from hybridsurrogate.diagnosis.search.search import Search
+from hybridsurrogate.emulators.failures import Failures
 from hybridsurrogate.estimators.emulation import LONG, seconds_of_each
 from hybridsurrogate.exceptions import DiagnosisWarning
 from hybridsurrogate.model.context import LONGEST_STEP, around, output
+from hybridsurrogate.model.posterior import Posterior
 from hybridsurrogate.model.problem import Problem
 from hybridsurrogate.model.statistics import emulator_posterior
 from hybridsurrogate.numerics.digits import number
@@ -22,6 +24,7 @@ from hybridsurrogate.simulation.arrays import is_whole
 from hybridsurrogate.simulation.simulator import SimulationData
 from hybridsurrogate.surrogates import Kriging
 from hybridsurrogate.surrogates.basis import Basis, Surrogate
+from hybridsurrogate.types import FloatArray
 
 
 def seconds_a_run(problem: Problem) -> float:
@@ -68,6 +71,8 @@ def warn_if_slow(problem: Problem, n_folds: int | None = None) -> None:
     )
 
 
+# draws of a posterior at which failures are predicted
+_DRAWS = 50
 # more than the noise hides, in its standard deviations; measured rows mend some of what is missed
 MOST_OPEN, MOST_MISSED = 1.0, 2.0
 # of runs that are whole numbers: 24 nats of a jump were lost where they left 0.35 open, and
@@ -99,10 +104,13 @@ class EmulatorCheck(NamedTuple):
         The part of ``left_open`` that lies between the places of runs that are curves: finer places
         close it, and more runs do not.
     along : str or None
-        The input along which runs are curves.
+        The input along which runs are curves; of fields both.
     rounding : float or None
         What rounding to whole numbers takes from an expected count at the measured rows, where runs
         of counts are whole numbers; None where they are not.
+    scatter : float
+        By how much repeated runs of a stochastic simulation differ as curves. A measured system is
+        one run: the comparisons of the search count it, ``left_open`` does not.
     """
 
     left_open: float
@@ -111,6 +119,7 @@ class EmulatorCheck(NamedTuple):
     between: float = 0.0
     along: str | None = None
     rounding: float | None = None
+    scatter: float = 0.0
 
     @property
     def hidden(self) -> float:
@@ -190,9 +199,10 @@ def check_emulator(result: Search, surrogate: Basis, runs: SimulationData) -> Em
     inputs, points = w.fit.model.places(problem.X, values)
     basis = problem.model.basis
     error = np.sum(basis.error(inputs, points) ** 2, axis=1)
-    # causes that respond to the output stretch both alike
-    share = basis.between(inputs) ** 2 / np.maximum(error, 1e-300)
-    squares = left_open, (missed / unit) ** 2, left_open * np.minimum(share, 1.0)
+    # causes that respond to the output stretch all alike
+    each = np.array([basis.scatter(inputs), basis.between(inputs)])
+    scatter, between = left_open * np.minimum(each**2 / np.maximum(error, 1e-300), 1.0)
+    squares = left_open - scatter, (missed / unit) ** 2, between, scatter
     rms = np.sqrt([np.mean(each) for each in squares]) / w.fit.sigma
     X = problem.X[:, : runs.X.shape[1]]
     low, high = runs.X.min(axis=0), runs.X.max(axis=0)
@@ -204,9 +214,29 @@ def check_emulator(result: Search, surrogate: Basis, runs: SimulationData) -> Em
     if problem.likelihood.means_as_runs and is_whole(runs.y):
         errors = problem.likelihood.rounding(outputs[0])
         rounding = float(np.sqrt(np.mean((errors / unit) ** 2)))
-    return EmulatorCheck(
-        float(rms[0]), float(rms[1]), beyond, float(rms[2]), along[0] if along else None, rounding
-    )
+    left_open, missed, between, scatter = rms.tolist()
+    of_curves = between, " and ".join(along) or None
+    return EmulatorCheck(left_open, missed, beyond, *of_curves, rounding, scatter)
+
+
+def cautions_of_failures(runs: object, posterior: Posterior, X: FloatArray) -> list[Caution]:
+    """Return a caution where most runs at the measured rows would fail, over the posterior."""
+    if not isinstance(runs, SimulationData) or not len(runs.failed):
+        return []
+    some = posterior.take(np.linspace(0, posterior.n_draws - 1, _DRAWS).astype(int))
+    places = some.model.places(X[:, : len(some.model.columns)], some.values)
+    share = float(np.mean(Failures.of(runs).probability(np.hstack(places))))
+    if share < SETTINGS.half:
+        return []
+    return [
+        Caution(
+            "runs",
+            f"Where the data put the parameters, a run fails with probability {share:.0%}: "
+            f"{len(runs.failed)} runs of the simulation did. There the emulator extrapolates from "
+            "the runs that did not. Find out why they fail, or whether a prior allows what cannot "
+            "be.",
+        )
+    ]
 
 
 def warn_if_rough(problem: Problem) -> None:

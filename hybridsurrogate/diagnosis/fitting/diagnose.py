@@ -35,7 +35,12 @@ from hybridsurrogate.diagnosis.checks.parameters import (
     confounding,
     sentences_on_parameters,
 )
-from hybridsurrogate.diagnosis.checks.simulation import check_emulator, warn_if_rough, warn_if_slow
+from hybridsurrogate.diagnosis.checks.simulation import (
+    cautions_of_failures,
+    check_emulator,
+    warn_if_rough,
+    warn_if_slow,
+)
 from hybridsurrogate.diagnosis.fitting.result import Conclusion, DiagnosisResult, Extension
 from hybridsurrogate.diagnosis.fitting.verdict import concluded, contradicted
 from hybridsurrogate.diagnosis.search.context import blurred, on_working_rows
@@ -230,6 +235,7 @@ def diagnose(
         posteriors = [before.posterior_]
         if accepted_ and not any(cause.is_process for cause in accepted_):
             posteriors.append(found)
+        cautions += cautions_of_failures(before.data_.simulation, before.posterior_, problem.X)
         cautions += cautions_of_dispersion(problem, posteriors)
         cautions += cautions_of_rounding(before.likelihood_, check)
     except KeyboardInterrupt as stop:

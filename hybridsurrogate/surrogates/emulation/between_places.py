@@ -180,6 +180,17 @@ def between_places(
     return BetweenPlaces(places, np.sqrt(local), interpolated, power, _correlation(found))
 
 
+def neighbours(piece: Piece, degree: int, n_lines: int) -> float:
+    """Return the correlation of errors along lines that follow one another, n_lines of each run."""
+    left = _left_out(piece, degree, 2)
+    if left is None:
+        return 0.0
+    error = left.error.reshape(-1, n_lines, left.error.shape[1])
+    total = np.sum(error**2)
+    both = np.sum(error[:, :-1] * error[:, 1:])
+    return float(np.clip(both / total, 0.0, 1.0)) if total else 0.0
+
+
 def _binned(which: NDArray[np.intp], values: FloatArray, n: int) -> FloatArray:
     """Return the mean of the values (m,) at each of n places, those without any interpolated."""
     count = np.bincount(which, minlength=n)

@@ -36,7 +36,7 @@ from hybridsurrogate.types import FloatArray
 # the covariance is learned from at most so many runs, drawn at random, as files of runs are often
 # in order (of runs that are curves fewer: each is as much as hundreds of rows), and the process is
 # conditioned on at most so many
-_LEARN, _LEARN_CURVES, MOST_RUNS, _CURVES = 500, 200, 5000, 2000
+_LEARN, _LEARN_CURVES, MOST_RUNS, MOST_CURVES = 500, 200, 5000, 2000
 # of the outputs' spread, to which runs are predicted. And of the nugget: where others leave no more
 # of a run it is none of those that a prediction is made of. Of 2,000 curves the mean then moved by
 # at most 0.07 of its error, which is the same; at a tenth by one and a half of them
@@ -158,7 +158,7 @@ class Process:
         self, X: FloatArray, omega: FloatArray, eta: FloatArray, most: int = MOST_RUNS
     ) -> Runs:
         """Return the runs that are used, of runs with outputs eta (n,) or (n, k)."""
-        chosen = used_rows(len(eta), most if eta.ndim == 1 else _CURVES)
+        chosen = used_rows(len(eta), most if eta.ndim == 1 else MOST_CURVES)
         X, omega = X[chosen], omega[chosen]
         outputs = eta[chosen].reshape(len(chosen), -1)
         return Runs(self.places(X, omega), outputs - self.prior_mean(X, omega)[:, None])
@@ -231,6 +231,10 @@ class Conditioned(NamedTuple):
     misses : ndarray of shape (n,)
         Squared leave-one-out errors of the runs, in units of their variance; of several outputs
         the sums of both.
+    left_out : ndarray of shape (n, k)
+        Outputs less what all other runs predict for them.
+    precision : ndarray of shape (n,)
+        One over the variance of these, in units of the process's.
     centers : ndarray of shape (m,)
         The runs that ``weights`` and ``whiten`` are of, if not all.
     """
@@ -239,6 +243,8 @@ class Conditioned(NamedTuple):
     whiten: FloatArray
     sd: FloatArray
     misses: FloatArray
+    left_out: FloatArray
+    precision: FloatArray
     centers: NDArray[np.intp] | slice = slice(None)
 
 
@@ -253,15 +259,16 @@ def conditioned(matrix: FloatArray, nugget: float, residual: FloatArray) -> Cond
 
 def _left_out(
     residual: FloatArray, weights: FloatArray, precision: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    """Return ``sd`` and ``misses`` of `Conditioned`, from the diagonal (n,) of the precision."""
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Return ``sd`` to ``precision`` of `Conditioned`, from the diagonal (n,) of the precision."""
     # leave-one-out errors in units of their sd (Rasmussen and Williams 5.12): 1 on average where
     # the covariance is right
     deviation = weights**2 / precision[:, None]
     squares = np.maximum(np.sum(residual * weights, axis=0), np.sum(deviation, axis=0))
     variance = squares / len(residual)
     # outputs that are all the same vary by nothing
-    return np.sqrt(variance), np.sum(deviation, axis=1) / max(float(np.sum(variance)), 1e-300)
+    misses = np.sum(deviation, axis=1) / max(float(np.sum(variance)), 1e-300)
+    return np.sqrt(variance), misses, weights / precision[:, None], precision
 
 
 def condensed(matrix: FloatArray, nugget: float, residual: FloatArray) -> Conditioned:
@@ -284,9 +291,10 @@ def condensed(matrix: FloatArray, nugget: float, residual: FloatArray) -> Condit
     # of what few runs give, the share that is known; its eigenvalues go from _HUNDREDTH to 1
     known = cholesky(one - nugget * cho_solve((precision, True), one), lower=True)
     of_all = (outputs - white.T @ fit) / nugget, (1 - np.sum(white**2, axis=0)) / nugget
-    sd, misses = _left_out(outputs, *of_all)
+    sd, misses, left_out, diagonal = _left_out(outputs, *of_all)
     back = np.argsort(order)
-    return Conditioned(weights, known.T @ whiten, sd, misses[back], order[:m])
+    of_runs = misses[back], left_out[back], diagonal[back]
+    return Conditioned(weights, known.T @ whiten, sd, *of_runs, order[:m])
 
 
 def weights_of(matrix: FloatArray, nugget: float, residual: FloatArray) -> FloatArray:

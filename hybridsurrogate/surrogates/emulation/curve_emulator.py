@@ -15,12 +15,10 @@ of the error, and so is the interpolation along the curves between places that w
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
-import pandas as pd
 from numpy.typing import NDArray
-from scipy.interpolate import BSpline, make_interp_spline
 
 from hybridsurrogate.numerics.linear_algebra import (
     NEGLIGIBLE,
@@ -29,230 +27,22 @@ from hybridsurrogate.numerics.linear_algebra import (
     pivoted_cholesky,
     pivoted_factor,
 )
-from hybridsurrogate.surrogates.emulation.between_places import (
-    BetweenPlaces,
-    Piece,
-    between_places,
-    degree_of,
-)
+from hybridsurrogate.surrogates.emulation.components import Components
 from hybridsurrogate.surrogates.emulation.covariance import (
+    MOST_CURVES,
     LocalError,
     Places,
     Process,
     condensed,
     process_through,
+    used_rows,
 )
+from hybridsurrogate.surrogates.emulation.curves import curves_of, distinct
+from hybridsurrogate.surrogates.emulation.fields import field_of
 from hybridsurrogate.types import FloatArray
 
-# rows are curves where there are so many runs at least and so many rows a run on average
-_LEAST_RUNS, _LEAST_ROWS = 8, 5
-# places of a common grid, at most, where each run has its own; and columns of the error of
-# interpolation, of which the residual shares one
-_MOST_PLACES = 1000
-# what the components leave of the spread of all curves, and how many there are at most
-_LEFT, _MOST_COMPONENTS = 1e-3, 40
-# rounds in which missing pieces of curves are filled in from the components
-_ROUNDS = 10
-
-
-@dataclass(frozen=True, eq=False)
-class Curves:
-    """Runs as curves along one input.
-
-    Attributes
-    ----------
-    along : int
-        The input along which a run has many rows.
-    places : ndarray of shape (n_places,)
-        Its values.
-    others : ndarray of shape (n_runs, d)
-        The other inputs and the parameters, one row a run.
-    outputs : ndarray of shape (n_runs, n_places)
-    degree : int
-        Of the interpolation along the curves, 1 or 3.
-    between : BetweenPlaces
-        Error of interpolation along the curves.
-    """
-
-    along: int
-    places: FloatArray
-    others: FloatArray
-    outputs: FloatArray
-    degree: int
-    between: BetweenPlaces
-
-    @cached_property
-    def components(self) -> Components:
-        """The principal components of the outputs."""
-        mean = self.outputs.mean(axis=0)
-        left, size, curves = np.linalg.svd(self.outputs - mean, full_matrices=False)
-        total = float(np.sum(size**2))
-        rest = np.append(np.cumsum(size[::-1] ** 2)[::-1], 0.0)
-        k = int(np.argmax(rest <= max(_LEFT**2 * total, 1e-300)))
-        k = min(max(k, 1), _MOST_COMPONENTS, len(size))
-        missed = np.sqrt(np.mean((left[:, k:] * size[k:] @ curves[k:]) ** 2, axis=0))
-        table = np.vstack([mean, curves[:k], missed]).T
-        spline = make_interp_spline(self.places, table, k=self.degree)
-        return Components(left[:, :k] * size[:k], self.places[[0, -1]], spline, self.between)
-
-
-@dataclass(frozen=True, eq=False)
-class Components:
-    """A mean and the components that all curves are made of.
-
-    Attributes
-    ----------
-    coefficients : ndarray of shape (n_runs, k)
-        Of the runs.
-    ends : ndarray of shape (2,)
-        Of the places.
-    spline : BSpline
-        Mean, components, and the standard deviation of the residual, k + 2 curves.
-    between : BetweenPlaces
-        Error of interpolation along them.
-    """
-
-    coefficients: FloatArray
-    ends: FloatArray
-    spline: BSpline
-    between: BetweenPlaces
-
-    def at(self, places: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return mean (n,), components (n, k) and what these leave (n,) at places.
-
-        Held at the ends. The error of interpolation is not in it.
-        """
-        table = self.spline(np.clip(places, *self.ends))
-        return table[:, 0], table[:, 1:-1], np.maximum(table[:, -1], 0.0)
-
-
-def curves_of(X: FloatArray, omega: FloatArray, eta: FloatArray) -> Curves | None:
-    """Return runs as curves, None where each row is a separate run.
-
-    Rows with the same parameters and the same inputs but one are a run along that one.
-
-    Parameters
-    ----------
-    X, omega, eta : ndarray of shape (n, n_inputs), (n, n_parameters), (n,)
-        Rows of all runs, in any order.
-    """
-    if not omega.shape[1] or len(eta) < _LEAST_RUNS * _LEAST_ROWS:
-        return None
-    # quick, for runs that are no curves may be millions
-    if np.sum(~pd.DataFrame(omega).duplicated()) * _LEAST_ROWS > len(eta):
-        return None
-    best: tuple[int, FloatArray, NDArray[np.intp]] | None = None
-    for along in range(X.shape[1]):
-        others, run = _alike(np.hstack([np.delete(X, along, axis=1), omega]))
-        are_curves = _LEAST_RUNS <= len(others) <= len(eta) / _LEAST_ROWS
-        if are_curves and (best is None or len(others) < len(best[1])):
-            best = along, others, run
-    if best is None:
-        return None
-    along, others, run = best
-    places, table, interpolated = _on_one_grid(X[:, along], run, eta, len(others))
-    if len(places) < _LEAST_ROWS:
-        return None
-    whole = ~(interpolated | np.isnan(table)).any(axis=1)
-    enough = np.sum(whole) >= _LEAST_RUNS
-    pieces = [(places, table[whole])] if enough else _runs(X[:, along], run, eta)
-    degree = degree_of(pieces)
-    between = between_places(places, interpolated.mean(axis=0), pieces, degree)
-    return Curves(along, places, others, _filled(table), degree, between)
-
-
-def _alike(rows: FloatArray) -> tuple[FloatArray, NDArray[np.intp]]:
-    """Return the different rows, and which of them each is; quick where equal ones follow."""
-    new = np.append(True, np.any(rows[1:] != rows[:-1], axis=1))
-    first, which = np.unique(rows[new], axis=0, return_inverse=True)
-    return first, which.ravel()[np.cumsum(new) - 1]
-
-
-def _runs(x: FloatArray, run: NDArray[np.intp], eta: FloatArray) -> list[Piece]:
-    """Return places and outputs of each run, in order."""
-    order = np.lexsort((x, run))
-    pieces = []
-    for rows in np.split(order, np.cumsum(np.bincount(run))[:-1]):
-        own, first = np.unique(x[rows], return_index=True)
-        pieces.append((own, eta[rows][first][None]))
-    return pieces
-
-
-def _on_one_grid(
-    x: FloatArray, run: NDArray[np.intp], eta: FloatArray, n_runs: int
-) -> tuple[FloatArray, FloatArray, NDArray[np.bool_]]:
-    """Return places (n_places,), outputs (n_runs, n_places), and which of these are interpolated.
-
-    NaN where a run has no output. Gaps are left to the components where most runs have none: these
-    know a rough curve better.
-    """
-    places, column = np.unique(x, return_inverse=True)
-    rows_a_run = np.bincount(run, minlength=n_runs)
-    if len(places) <= 2 * np.median(rows_a_run):
-        flat = run * len(places) + column.ravel()
-        count = np.bincount(flat, minlength=n_runs * len(places))
-        total = np.bincount(flat, weights=eta, minlength=n_runs * len(places))
-        with np.errstate(invalid="ignore"):
-            table = (total / count).reshape(n_runs, len(places))
-        gaps = np.isnan(table)
-        some = np.flatnonzero(gaps.any(axis=1))
-        if n_runs - len(some) < max(_LEAST_RUNS, n_runs // 2):
-            for k in some:
-                there = ~gaps[k]
-                table[k] = _interpolated(places[there], table[k, there], places)
-        return places, table, gaps & ~np.isnan(table)
-    # each run has its own places: as many as a run has, where their quantiles are
-    n = min(2 * int(np.median(rows_a_run)), _MOST_PLACES)
-    grid = np.unique(np.quantile(places, np.linspace(0, 1, n)))
-    table = np.array([_interpolated(own, y[0], grid) for own, y in _runs(x, run, eta)])
-    return grid, table, ~np.isnan(table)
-
-
-def _interpolated(x: FloatArray, y: FloatArray, at: FloatArray) -> FloatArray:
-    """Return y at places within its range, NaN beyond by more than half a typical step."""
-    if len(x) < 2:
-        return np.full(len(at), np.nan)
-    degree = degree_of([(x, y[None])])
-    value: FloatArray = make_interp_spline(x, y, k=degree)(np.clip(at, x[0], x[-1]))
-    margin = 0.5 * float(np.median(np.diff(x)))
-    value[(at < x[0] - margin) | (at > x[-1] + margin)] = np.nan
-    return value
-
-
-def _filled(table: FloatArray) -> FloatArray:
-    """Return curves whose missing pieces are what the components make of the rest.
-
-    The mean of the missing outputs given the others, all curves being draws of a normal
-    distribution with the components' covariance; its components are those of complete curves, then
-    of all as they are filled.
-    """
-    gaps = np.isnan(table)
-    incomplete = np.flatnonzero(gaps.any(axis=1))
-    if not len(incomplete):
-        return table
-    out = np.where(gaps, np.nanmean(table, axis=0), table)
-    out = np.where(np.isnan(out), np.nanmean(table), out)
-    whole = np.delete(np.arange(len(table)), incomplete)
-    source = whole if len(whole) >= max(_LEAST_RUNS, len(table) // 2) else slice(None)
-    for _ in range(_ROUNDS):
-        curves = out[source]
-        mean = curves.mean(axis=0)
-        _, size, axes = np.linalg.svd(curves - mean, full_matrices=False)
-        factor = axes.T * (size / np.sqrt(len(curves)))
-        noise = (_LEFT * float(np.std(curves))) ** 2
-        moved = 0.0
-        for k in incomplete:
-            there = ~gaps[k]
-            own = factor[there]
-            inner = noise * np.eye(own.shape[1]) + own.T @ own
-            score = np.linalg.solve(inner, own.T @ (table[k, there] - mean[there]))
-            again = (mean + factor @ score)[gaps[k]]
-            moved = max(moved, float(np.max(np.abs(again - out[k, gaps[k]]))))
-            out[k, gaps[k]] = again
-        if moved < _LEFT * float(np.std(out)):
-            break
-        source = slice(None)
-    return out
+# columns of the error of interpolation at most, of which the residual shares one
+_MOST_COLUMNS = 1000
 
 
 @dataclass(frozen=True, eq=False)
@@ -261,8 +51,8 @@ class CurveEmulator:
 
     Attributes
     ----------
-    along : int
-        The input along which a run is a curve.
+    along : int, or tuple of two
+        The input along which a run is a curve, those over which it is a field.
     components : Components
     process : Process
         Of the other inputs and the parameters, which it sees as parameters.
@@ -276,9 +66,11 @@ class CurveEmulator:
         Of the process, for each coefficient.
     local : LocalError
         Factors on the error where the runs show that it is larger.
+    left_out : LeftOutRuns
+        Runs that are left out.
     """
 
-    along: int
+    along: int | tuple[int, int]
     components: Components
     process: Process
     runs: Places
@@ -286,6 +78,7 @@ class CurveEmulator:
     whiten: FloatArray
     sd: FloatArray
     local: LocalError
+    left_out: LeftOutRuns
 
     def output(self, X: FloatArray, omega: FloatArray) -> FloatArray:
         """Return the most probable output for rows of inputs and parameters, (n,)."""
@@ -309,20 +102,41 @@ class CurveEmulator:
         return mean + np.einsum("nk,nk->n", curves, coefficients)
 
     def both(self, X: FloatArray, omega: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return `output` (n,) and `spread` (n, k + 1)."""
+        """Return `output` (n,) and `spread` (n, k + 1 + q)."""
         points, group = self._points(X, omega)
         coefficients, left = self._given_runs(points)
         mean, curves, missed = self.components.at(X[:, self.along])
         output = mean + np.einsum("nk,nk->n", curves, coefficients[group])
         rest = np.hypot(missed, self.between(X))
-        return output, np.column_stack([left[group, None] * curves * self.sd, rest])
+        spread = [left[group, None] * curves * self.sd, rest, self.scatter(X)[0]]
+        return output, np.column_stack(spread)
 
     def spread(self, X: FloatArray, omega: FloatArray) -> FloatArray:
-        """Return S (n, k + 1): the error has covariance S S' among rows of equal parameters.
+        """Return S (n, k + 1 + q): the error has covariance S S' among rows of equal parameters.
 
-        But for interpolation, of which the last column has the size: `error` has its correlations.
+        But for interpolation, of which column k has the size: `error` has its correlations. The
+        last q columns are the scatter of repeated runs.
         """
         return self.both(X, omega)[1]
+
+    @property
+    def n_spread(self) -> int:
+        """Columns of `spread`."""
+        return 1 + len(self.sd) + self.scatter(np.zeros((1, 1 + np.max(self.along))))[0].shape[1]
+
+    def run_of(self, X: FloatArray, omega: FloatArray) -> NDArray[np.intp]:
+        """Return which run each row (n,) is of, in the order of the coefficients.
+
+        ``X`` and ``omega`` are all that it was learned from.
+        """
+        return distinct(np.hstack([np.delete(X, self.along, axis=1), omega]))[1]
+
+    def scatter(self, X: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return S (n, q) and s (n,): runs of a stochastic simulation differ by S S' + diag(s^2).
+
+        That is one realisation. Independent numbers are left to the noise of measured rows.
+        """
+        return self.components.scatter(X[:, self.along])
 
     def between(self, X: FloatArray) -> FloatArray:
         """Return the standard deviation of interpolation between simulated places, (n,)."""
@@ -330,21 +144,23 @@ class CurveEmulator:
 
     def outer_output(self, X: FloatArray, omega: FloatArray) -> FloatArray:
         """Return the output (J, n) of n inputs for each of J parameters."""
-        if X.shape[1] > 1:
+        if X.shape[1] > np.size(self.along):
             return self.output(*each_with_each(X, omega)).reshape(len(omega), len(X))
-        mean, curves, _ = self.components.at(X[:, 0])
+        mean, curves, _ = self.components.at(X[:, self.along])
         return mean + self._coefficients(omega) @ curves.T
 
     def outer_both(self, X: FloatArray, omega: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return `both` of n inputs for each of J parameters, (J, n) and (J, n, k + 1)."""
-        if X.shape[1] > 1:
+        """Return `both` of n inputs for each of J parameters, (J, n) and (J, n, k + 1 + q)."""
+        if X.shape[1] > np.size(self.along):
             output, spread = self.both(*each_with_each(X, omega))
             return output.reshape(len(omega), -1), spread.reshape(len(omega), len(X), -1)
-        mean, curves, missed = self.components.at(X[:, 0])
+        mean, curves, missed = self.components.at(X[:, self.along])
         coefficients, left = self._given_runs(omega)
-        spread = np.empty((len(omega), len(X), len(self.sd) + 1))
-        np.multiply(left[:, None, None], curves * self.sd, out=spread[..., :-1])
-        spread[..., -1] = np.hypot(missed, self.between(X))
+        scatter, k = self.scatter(X)[0], len(self.sd)
+        spread = np.empty((len(omega), len(X), k + 1 + scatter.shape[1]))
+        np.multiply(left[:, None, None], curves * self.sd, out=spread[..., :k])
+        spread[..., k] = np.hypot(missed, self.between(X))
+        spread[..., k + 1 :] = scatter
         return mean + coefficients @ curves.T, spread
 
     def _coefficients(self, points: FloatArray) -> FloatArray:
@@ -367,7 +183,11 @@ class CurveEmulator:
         return coefficients, left
 
     def error(self, X: FloatArray, omega: FloatArray) -> FloatArray:
-        """Return F (n, r): the covariance of the error at all these rows is F F'."""
+        """Return F (n, r): the covariance of the error at all these rows is F F'.
+
+        With the scatter of a stochastic simulation: rows whose other inputs are equal are one
+        realisation, also where parameters differ between them.
+        """
         points, group = self._points(X, omega)
         places = self._places(points)
         _, curves, missed = self.components.at(X[:, self.along])
@@ -377,7 +197,10 @@ class CurveEmulator:
             factor = _factor(self.covariance(points))
         of_runs = (curves * self.sd)[:, :, None] * factor[group][:, None, :]
         of_places, rest = self._error_between(X, places, group, missed)
-        F = np.column_stack([of_runs.reshape(len(X), -1), of_places, rest])
+        realisation = distinct(np.delete(X, self.along, axis=1))[1]
+        own = realisation[:, None] == np.arange(np.max(realisation, initial=-1) + 1)
+        scatter = (self.scatter(X)[0][:, None] * own[:, :, None]).reshape(len(X), -1)
+        F = np.column_stack([of_runs.reshape(len(X), -1), of_places, rest, scatter])
         if F.shape[1] <= len(X):
             return F
         return _factor(F @ F.T)
@@ -402,7 +225,7 @@ class CurveEmulator:
                 return own * own[k] * along * alike
 
             least = max(NEGLIGIBLE * float(np.max(own**2)), float(np.mean(missed**2)))
-            some, _ = pivoted_cholesky(own**2, column, least, _MOST_PLACES)
+            some, _ = pivoted_cholesky(own**2, column, least, _MOST_COLUMNS)
             factor = np.zeros((len(X), some.shape[1]))
             factor[off] = some
         left = np.maximum(sd**2 - np.sum(factor**2, axis=1), 0.0)
@@ -429,6 +252,27 @@ class CurveEmulator:
         return self.process.places(np.empty((len(points), 0)), points)
 
 
+class LeftOutRuns(NamedTuple):
+    """Runs that are left out, of those that the process is conditioned on.
+
+    Attributes
+    ----------
+    runs : ndarray of shape (m,)
+        Which they are, of all runs in the order of the coefficients.
+    coefficients : ndarray of shape (m, k)
+        Of their components, as all others predict them.
+    variance : ndarray of shape (m,)
+        Of these means and of a run's noise, in units of the process's.
+    noise : float
+        The part of it that is noise.
+    """
+
+    runs: NDArray[np.intp]
+    coefficients: FloatArray
+    variance: FloatArray
+    noise: float
+
+
 def _factor(covariance: FloatArray) -> FloatArray:
     """Return F (n, r) with F F' the covariance (n, n), but for what is negligible."""
     return pivoted_factor(
@@ -451,7 +295,7 @@ def emulate_curves(
         Rows of the runs.
     input_ranges, parameter_ranges : ndarray of shape (n_inputs, 2), (n_parameters, 2)
     """
-    curves = curves_of(X, omega, eta)
+    curves = field_of(X, omega, eta) or curves_of(X, omega, eta)
     if curves is None:
         return None
     ranges = np.vstack([np.delete(input_ranges, curves.along, axis=0), parameter_ranges])
@@ -463,6 +307,10 @@ def emulate_curves(
     matrix = runs.places.alike(runs.places)
     given = condensed(matrix, process.covariance.nugget, runs.residual)
     local = LocalError.of(runs.places.points, given.misses)
+    used = used_rows(len(coefficients), MOST_CURVES)
+    variance = local.at(runs.places.points) ** 2 / given.precision
+    mean = coefficients[used] - given.left_out
+    left_out = LeftOutRuns(used, mean, variance, process.covariance.nugget)
     return CurveEmulator(
         curves.along,
         components,
@@ -472,4 +320,5 @@ def emulate_curves(
         given.whiten,
         given.sd,
         local,
+        left_out,
     )

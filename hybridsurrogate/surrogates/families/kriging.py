@@ -53,7 +53,8 @@ class Kriging(Surrogate):
     -----
     Where runs are curves, with at least five rows along one input for equal parameters, and no
     trend is given, the process is that of the curves' principal components, a function of the
-    parameters. It has no terms, which gained nothing in ten simulations. All runs train it, and the
+    parameters. So it is where runs are fields, with all pairs of at least five places along each of
+    two inputs. It has no terms, which gained nothing in ten simulations. All runs train it, and the
     coefficients describe its remaining error. The measured data then train these, and ``beta``
     sets the weight of the measured data alone.
 
@@ -95,8 +96,7 @@ class Kriging(Surrogate):
             rows = domain.X, domain.omega, domain.eta
             curves = emulate_curves(*rows, domain.input_ranges, domain.parameter_ranges)
             if curves is not None:
-                k = 1 + len(curves.sd)
-                return CurveBasis(np.zeros(k), np.ones(k), curves)
+                return CurveBasis.of(curves)
         trend = given.build(domain)
         if trend.hyperpriors or trend.is_simulation:
             raise ValueError(needs)
@@ -195,6 +195,12 @@ class CurveBasis(Basis):
 
     emulator: CurveEmulator
     holds_runs = True
+
+    @classmethod
+    def of(cls, emulator: CurveEmulator) -> CurveBasis:
+        """Return the basis of an emulator: each feature has a standard normal coefficient."""
+        p = emulator.n_spread
+        return cls(np.zeros(p), np.ones(p), emulator)
 
     def known(
         self, X: FloatArray, omega: FloatArray, hyper: FloatArray | None = None

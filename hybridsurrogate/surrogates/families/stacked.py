@@ -107,6 +107,10 @@ class StackedBasis(Basis):
         """Return each row's error between the places of runs that are curves."""
         return self._row_by_row(X, lambda k, rows, inputs: self.bases[k].between(inputs))
 
+    def scatter(self, X: FloatArray) -> FloatArray:
+        """Return the scatter of each row's output between runs of a stochastic simulation."""
+        return self._row_by_row(X, lambda k, rows, inputs: self.bases[k].scatter(inputs))
+
     @property
     def with_features(self) -> Basis | None:
         """Each with its features; None where one has none."""

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from hybridsurrogate.surrogates.emulation.curve_emulator import curves_of
+from hybridsurrogate.surrogates.emulation.curves import curves_of
 
 T = np.linspace(0, 6, 40)
 RATES = np.random.default_rng(0).uniform(0.2, 1, 30)

@@ -55,6 +55,11 @@ def emulator(view: View) -> list[str]:
         "the noise there. The comparisons do without it, and the predictions rest on it"
         + (f": {advice_on_runs(result.before.surrogate_)}." if check.missed > MOST_MISSED else "."),
     ]
+    if check.scatter:
+        out.append(
+            f"Repeated runs differ by {_times(check.scatter)} the noise there. The measured system "
+            "is one run: every comparison allows for it, and more runs do not make it smaller."
+        )
     if check.beyond:
         where = ", ".join(f"{rows} along {name}" for name, rows in check.beyond.items())
         out.append(

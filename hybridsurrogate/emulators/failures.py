@@ -1,0 +1,79 @@
+"""Where runs of a simulation fail: a classifier of those that did."""
+
+from __future__ import annotations
+
+import warnings
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+from sklearn.exceptions import ConvergenceWarning
+from sklearn.gaussian_process import GaussianProcessClassifier
+from sklearn.gaussian_process.kernels import RBF, ConstantKernel
+
+from hybridsurrogate.simulation.simulation_data import SimulationData
+from hybridsurrogate.types import FloatArray
+
+# runs that are learned from, at random of more: its time grows with their cube
+_MOST = 300
+# bounds of the amplitude of the latent process, and of its lengths where the range is 1
+_AMPLITUDES, _LENGTHS = (1e-2, 1e3), (0.05, 100.0)
+
+
+@dataclass(frozen=True)
+class Failures:
+    """The probability that a run fails.
+
+    Attributes
+    ----------
+    columns : ndarray of shape (d,)
+        Of inputs and parameters, those that a run has one value of.
+    low, width : ndarray of shape (d,)
+        The range of all runs.
+    classifier : GaussianProcessClassifier or None
+        None where no run failed.
+    """
+
+    columns: NDArray[np.intp]
+    low: FloatArray
+    width: FloatArray
+    classifier: Any
+
+    @classmethod
+    def of(cls, runs: SimulationData) -> Failures:
+        """Return what the runs that failed, and the others, show.
+
+        By the Laplace approximation for a Gaussian process under a logistic link, its amplitude and
+        lengths at their most likely values (Rasmussen and Williams 2006, sections 3.4 and 5.5.1).
+        """
+        done = np.hstack([runs.X, runs.omega])
+        if runs.run is not None:
+            by_run = pd.DataFrame(done).groupby(runs.run)
+            columns = np.flatnonzero(by_run.nunique().max() == 1)
+            done = by_run.first().to_numpy()
+        else:
+            columns = np.arange(done.shape[1])
+        points = np.vstack([done, runs.failed])[:, columns]
+        low, width = points.min(axis=0), np.ptp(points, axis=0)
+        width[width == 0] = 1.0
+        if not len(runs.failed):
+            return cls(columns, low, width, None)
+        failed = np.arange(len(points)) >= len(done)
+        some = np.random.default_rng(0).permutation(len(points))[:_MOST]
+        kernel = ConstantKernel(1.0, _AMPLITUDES) * RBF(np.ones(len(columns)), _LENGTHS)
+        classifier = None
+        if failed[some].any() and not failed[some].all():
+            with warnings.catch_warnings():  # an input of no influence has the longest length
+                warnings.simplefilter("ignore", ConvergenceWarning)
+                classifier = GaussianProcessClassifier(kernel, random_state=0)
+                classifier.fit((points[some] - low) / width, failed[some])
+        return cls(columns, low, width, classifier)
+
+    def probability(self, points: FloatArray) -> FloatArray:
+        """Return that of a failure (n,) at inputs and parameters (n, n_inputs + n_parameters)."""
+        if self.classifier is None:
+            return np.zeros(len(points))
+        places = (points[:, self.columns] - self.low) / self.width
+        return np.asarray(self.classifier.predict_proba(places)[:, 1])

@@ -1,0 +1,135 @@
+"""Runs of a stochastic simulation, repeated at equal parameters: the mean, and the scatter."""
+
+import numpy as np
+import pandas as pd
+import pytest
+from scipy import stats
+from scipy.stats import qmc, uniform
+
+import hybridsurrogate as hs
+from hybridsurrogate.surrogates.emulation.curves import curves_of
+
+PRIORS = {"rate": uniform(0.2, 0.8), "level": uniform(1, 2)}
+RANGES = np.array([[0.0, 10.0], [0.2, 1.0], [1.0, 3.0]])
+T = np.linspace(0, 10, 40)
+SD = 0.1
+
+
+def mean(t, rate, level):
+    return level * np.exp(-rate * t) + 0.3 * np.sin(rate * t)
+
+
+def path(t, n, random, length=1.5):
+    """Draw paths (n, n_places) that wander with a standard deviation of `SD`."""
+    covariance = SD**2 * np.exp(-np.abs(t[:, None] - t) / length) + 1e-12 * np.eye(len(t))
+    return random.standard_normal((n, len(t))) @ np.linalg.cholesky(covariance).T
+
+
+def points(n, seed, ranges=RANGES):
+    unit = qmc.LatinHypercube(len(ranges), seed=seed).random(n)
+    return ranges[:, 0] + unit * np.ptp(ranges, axis=1)
+
+
+def data(X, omega, y, **changes):
+    return hs.SimulationData(X, omega, y, {"t": (0, 10)}, PRIORS, **changes)
+
+
+def curves(seed=0, n=40, repeats=4, draw=path):
+    omega = np.repeat(points(n, seed, RANGES[1:]), repeats, axis=0)
+    y = mean(T, omega[:, :1], omega[:, 1:]) + draw(T, len(omega), np.random.default_rng(seed))
+    run = np.repeat(np.arange(len(omega)), len(T))
+    return data(np.tile(T, len(omega))[:, None], omega[run], y.ravel(), run=run)
+
+
+def white(t, n, random):
+    return SD * random.standard_normal((n, len(t)))
+
+
+def rows(seed=0, n=40, repeats=4):
+    every = np.repeat(points(n, seed), repeats, axis=0)
+    y = mean(*every.T) + SD * np.random.default_rng(seed).standard_normal(len(every))
+    return data(every[:, :1], every[:, 1:], y)
+
+
+NEW = pd.DataFrame(points(300, 99), columns=["t", "rate", "level"])
+TRUE = mean(*NEW.to_numpy().T)
+
+
+@pytest.mark.parametrize("draw", [path, white])
+def test_repeated_curves_have_a_mean_and_a_scatter(draw):
+    emulator = hs.Emulator().fit(curves(draw=draw))
+    assert emulator.kind_ == "curves"
+    assert emulator.noise_ == pytest.approx(SD, rel=0.1)
+    found, sd = emulator.predict(NEW, return_std=True)
+    # four runs of each mean are half as far from it as one
+    assert np.sqrt(np.mean((found - TRUE) ** 2)) < 0.4 * SD
+    assert 0.8 < np.mean(np.abs(found - TRUE) < 1.645 * sd) < 0.97
+    _, of_one_run = emulator.predict(NEW, return_std=True, with_noise=True)
+    np.testing.assert_allclose(of_one_run, np.hypot(sd, SD), rtol=0.3)
+    # runs that are left out are single runs
+    assert 0.86 < emulator.coverage_ < 0.94
+    assert stats.kstest(emulator.pit_[::40], "uniform").pvalue > 1e-3
+
+
+@pytest.mark.parametrize("kind", ["kriging", "polynomial"])
+def test_the_scatter_is_no_error_of_the_mean(kind):
+    covered = []
+    for seed in range(4):
+        emulator = hs.Emulator(kind).fit(rows(seed))
+        found, sd = emulator.predict(NEW, return_std=True)
+        covered.append(np.abs(found - TRUE) < 1.645 * sd)
+    assert 0.82 < np.mean(covered) < 0.96
+    _, of_one_run = emulator.predict(NEW, return_std=True, with_noise=True)
+    np.testing.assert_allclose(of_one_run, np.hypot(sd, emulator.noise_))
+
+
+def test_kriging_learns_the_scatter_of_runs_that_are_not_repeated():
+    assert hs.Emulator("kriging").fit(rows(n=160, repeats=1)).noise_ == pytest.approx(SD, rel=0.3)
+
+
+def test_a_run_is_left_out_with_its_repeats():
+    every = rows(n=25)
+    one = hs.Emulator("kriging").fit(every)._emulators[0]
+    process = one.basis.process
+    places = process.places(every.X, every.omega)
+    matrix = places.alike(places) + process.covariance.nugget * np.eye(every.n_rows)
+    residual = every.y - process.prior_mean(every.X, every.omega)
+    group = np.arange(every.n_rows) // 4
+    at = np.argsort(one.left_out.rows)
+    for k in (0, 13):
+        own, others = np.flatnonzero(group == k), np.flatnonzero(group != k)
+        gain = np.linalg.solve(matrix[np.ix_(others, others)], matrix[np.ix_(others, own)])
+        expected = (every.y - residual)[own] + gain.T @ residual[others]
+        np.testing.assert_allclose(one.left_out.mean[at[own]], expected, rtol=1e-4, atol=1e-4)
+        variance = np.diag(matrix[np.ix_(own, own)] - matrix[np.ix_(own, others)] @ gain)
+        local = one.basis.local.at(places.points[own])
+        sd = one.basis.sd * local * np.sqrt(variance)
+        np.testing.assert_allclose(one.left_out.sd[at[own]], sd, rtol=1e-3)
+
+
+def test_repeats_of_single_rows_are_no_curves():
+    every = rows(repeats=7)
+    assert curves_of(every.X, every.omega, every.y) is None
+    assert hs.Emulator().fit(every).kind_ == "kriging"
+
+
+def test_runs_that_scatter_take_further_ones():
+    every = curves()
+    more = every.with_rows(curves(seed=1, n=8, repeats=2).to_frame())
+    assert more.n_runs == 176
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("step", "verdicts"), [(0.0, {"adequate"}), (0.8, {"named", "nearest"})])
+def test_a_measured_system_is_one_run(step, verdicts):
+    """Its path is no discrepancy: without the scatter four of four sets had a cause."""
+    random = np.random.default_rng(3)
+    t = np.sort(random.uniform(0.2, 9.8, 50))
+    y = mean(t, 0.5, 2.0) + path(t, 1, random)[0] + 0.03 * random.standard_normal(50)
+    model = hs.PowerScaledSurrogate(curves(), surrogate=hs.Kriging(), random_state=0)
+    diagnosis = hs.DiscrepancyDiagnosis(model, cv=None, random_state=0)
+    diagnosis.fit(t[:, None], y + step * (t > 5))
+    assert diagnosis.verdict_ in verdicts
+    assert diagnosis.best_cause_.kind == ("step" if step else "none")
+    check = diagnosis.emulator_check_
+    assert check.left_open < 1 < check.scatter
