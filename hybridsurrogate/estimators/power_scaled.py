@@ -210,7 +210,7 @@ class PowerScaledSurrogate(SurrogateEstimator):
     def _learned_effects(self, data: MeasuredData) -> tuple[Cause, ...]:
         """Return the effects that rows inform: the user's, then what differs by experiment."""
         learned = (effect for effect in as_causes(self.effects) if effect.is_learned)
-        return (*learned, *data.effects())
+        return (*learned, *data.experiments.effects())
 
     def _pointwise_loo(self, progress: bool = False) -> PointwiseLoo:
         random = check_random_state(self.random_state)

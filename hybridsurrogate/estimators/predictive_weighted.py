@@ -124,7 +124,7 @@ class PredictiveWeightedSurrogate(SurrogateEstimator):
             alone = source == "measured"
             family = surrogate.of_measured_data() if alone else surrogate
             plain = plain_problem(data, family, likelihood, self.noise_prior, measured_only=alone)
-            problem = plain.with_effects(() if alone else data.effects())
+            problem = plain.with_effects(() if alone else data.experiments.effects())
             fits[source] = fit_problem(problem, powers, self.sampler, int(self.n_draws), random)
         beta = self._stacked(fits, data, random) if self.beta == "stacking" else self.beta
         for fit in fits.values():

@@ -92,7 +92,7 @@ def prepare(
         # whatever beta a search has the runs in full
         plain = FitTask.of(clone(fitted).set_params(beta=1.0), data).plain
     known = as_causes(fitted.effects)
-    problem = plain.on_rows(*data.single).with_effects((*known, *data.effects()))
+    problem = plain.on_rows(*data.single).with_effects((*known, *data.experiments.effects()))
     # as many measurements as there are rows, whatever the unit of their weights
     problem = replace(problem, weights=problem.weights / problem.weights.mean())
     problem = _at_jitter_of(at_noise_of(problem, fitted.posterior_), fitted)

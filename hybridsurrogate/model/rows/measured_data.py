@@ -427,10 +427,6 @@ class MeasuredData:
         """Names of the columns of X."""
         return tuple(name for name in self.columns if name != OUTPUT)
 
-    def effects(self) -> tuple[Cause, ...]:
-        """Return what gives each experiment its own value of the parameters that differ."""
-        return self.experiments.effects()
-
     def simulated_by(self, simulation: SimulationData) -> MeasuredData:
         """Return the data with runs in place of the simulation."""
         if self.stacking is not None:
