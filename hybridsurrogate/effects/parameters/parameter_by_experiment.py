@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -166,20 +166,16 @@ class ParameterByExperiment(OverExperiments):
         )
 
 
-def _between_experiments(context: Context) -> Iterator[Cause]:
-    for column in context.labels:
-        declared = column == context.experiment
-        for parameter in context.parameters:
-            if not declared or parameter not in context.by_experiment:
-                labels = context.names.get(column)
-                yield ParameterByExperiment(parameter, column, labels=labels)
-
-
 register(
     Form(
         "parameter-by-experiment",
         ParameterByExperiment,
-        _between_experiments,
+        lambda context: (
+            ParameterByExperiment(parameter, column, labels=context.names.get(column))
+            for column in context.labels
+            for parameter in context.parameters
+            if column != context.experiment or parameter not in context.by_experiment
+        ),
         meaning="the parameter {target} differs between the experiments of {column}",
         least_rows=6,
         least_distinct=2,
