@@ -39,7 +39,7 @@ class Experiments:
     labels : mapping of str to tuple of str
         Names that stand in columns of text which the simulation ignores, in order.
     left_out : tuple of str
-        Such columns whose names stand in fewer than three rows each, which tell nothing.
+        Such columns whose names stand in fewer than three rows each: of no use.
     """
 
     column: str | None = None
