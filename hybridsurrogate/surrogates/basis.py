@@ -269,6 +269,11 @@ class Basis(ABC):
         """The same with the error in a few coefficients; None where these would be many."""
         return self if self.is_simulation else None
 
+    @property
+    def is_quick(self) -> bool:
+        """Whether the known part is a simulation of which thousands of runs take no time."""
+        return False
+
     def modified(self, modifications: Sequence[Modification]) -> Basis:
         """Return the basis of a simulation with changed dynamics.
 

@@ -21,7 +21,7 @@ from hybridsurrogate.inference.evidence.settings import SETTINGS
 from hybridsurrogate.model.context import disjoint_moves, single_moves
 from hybridsurrogate.model.observation import MeasuredModel
 from hybridsurrogate.model.statistics import EmulatorPosterior
-from hybridsurrogate.numerics.linear_algebra import NEGLIGIBLE
+from hybridsurrogate.numerics.linear_algebra import LARGE_BLOCK, NEGLIGIBLE
 from hybridsurrogate.priors import Z_LIMIT, to_normal
 from hybridsurrogate.types import FloatArray
 
@@ -118,9 +118,12 @@ def best_of_global_starts(
     is_rough = np.count_nonzero(inner) > 1
     if len(grid.nodes) and not is_rough:
         return None  # nodes are enumerated, and sizes are followed from each
+    wide = _WIDE if is_rough else _ON_LINE
+    if is_rough and model.basis.is_quick:
+        wide = int(np.clip(LARGE_BLOCK // len(y), _WIDE, SETTINGS.widest_population))
     # a fixed spread of parameters, size and nodes, those of earlier causes held: the search is
     # deterministic
-    random, wide = np.random.RandomState(0), _WIDE if is_rough else _ON_LINE
+    random = np.random.RandomState(0)
     spread = np.tile(line[0], (wide, 1))
     place = [*np.arange(model.n_parameters), *grid.sizes]
     # far out in a heavy tail an ODE would be solved for many times the measured span

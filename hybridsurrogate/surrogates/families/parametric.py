@@ -57,6 +57,11 @@ class ExactBasis(Basis):
 
     is_simulation = True
 
+    @property
+    def is_quick(self) -> bool:
+        """Whether many runs of the simulation take hardly longer than one."""
+        return self.simulate.simulator.is_quick
+
     def known(
         self, X: FloatArray, omega: FloatArray, hyper: FloatArray | None = None
     ) -> FloatArray:
