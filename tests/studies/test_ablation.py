@@ -74,6 +74,6 @@ def test_rows_are_kept_and_a_stopped_run_goes_on(tmp_path, monkeypatch):
         return run_into(path, todo, jobs)
 
     monkeypatch.setattr(ablation, "run_into", of_some)
-    ablation.measured(tmp_path, ["turns"], [Task("none", 0.0, 12, 3)])
-    assert made == ["usual.csv", "turns=off.csv", "turns=halved.csv", "turns=doubled.csv"]
+    ablation.measured(tmp_path, ["rounds"], [Task("none", 0.0, 12, 3)])
+    assert made == ["usual.csv", "rounds=off.csv", "rounds=halved.csv", "rounds=doubled.csv"]
     assert len(pd.read_csv(tmp_path / "usual.csv")) == 1
