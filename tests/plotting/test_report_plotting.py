@@ -149,7 +149,7 @@ def test_coverage_has_its_standard_error_and_what_it_should_be(ax):
     assert ax.get_legend_handles_labels()[1] == ["should be 90 %"]
 
 
-@pytest.mark.parametrize(("n", "mark"), [(12, "o"), (13, "")])
+@pytest.mark.parametrize(("n", "mark"), [(6, "o"), (7, "")])
 def test_rivals_are_lines_or_dots_where_a_column_has_few_values(ax, n, mark):
     x = np.arange(n, dtype=float)
     assert plotting.plot_alternatives(ax, x, [x, -x], ["trend", "ramp"], place=4.0) is ax
