@@ -163,8 +163,8 @@ def refine(model: MeasuredModel, grid: Grid, log_evidence: FloatArray) -> Grid:
     density = log_evidence - grid.log_weight
     if len(best_levels(grid, log_evidence)) >= SETTINGS.nodes_enough ** len(grid.nodes):
         return grid
-    near = density > density.max() - SETTINGS.cell_pruned
-    split = near & (np.argsort(np.argsort(-density)) < SETTINGS.most_split)
+    split = density > density.max() - 30.0
+    split &= np.argsort(np.argsort(-density)) < SETTINGS.most_split
     pieces, weight = grid.edges[split], grid.log_weight[split]
     for k in range(len(grid.nodes)):
         borders = np.linspace(pieces[:, k, 0], pieces[:, k, 1], 4, axis=1)
@@ -172,7 +172,7 @@ def refine(model: MeasuredModel, grid: Grid, log_evidence: FloatArray) -> Grid:
         pieces[:, k, 0], pieces[:, k, 1] = borders[:, :-1].ravel(), borders[:, 1:].ravel()
     of_pieces = _log_mass(model, grid, pieces).reshape(len(weight), -1)
     of_pieces += (weight - np.logaddexp.reduce(of_pieces, axis=1))[:, None]
-    kept = near & ~split
+    kept = ~split & (density > density.max() - SETTINGS.cell_pruned)
     return with_cells(
         grid,
         np.concatenate([grid.edges[kept], pieces]),
