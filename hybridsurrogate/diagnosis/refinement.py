@@ -18,6 +18,7 @@ from hybridsurrogate.diagnosis.diagnosis import DiscrepancyDiagnosis
 from hybridsurrogate.exceptions import DiagnosisWarning, FailedRunsWarning, HybridSurrogateWarning
 from hybridsurrogate.simulation.simulator import SimulationData, Simulator
 from hybridsurrogate.simulation.table_file import RUN
+from hybridsurrogate.types import FloatArray
 
 
 def refine(
@@ -112,14 +113,7 @@ def refine(
             break
         asked = current.next_runs(min(int(batch), left))
         left -= len(asked)
-        places = asked
-        for name in data.input_names[1:]:  # of a field the second axis
-            if name not in asked:
-                axis = data.X[:, data.input_names.index(name)]
-                places = places.merge(pd.DataFrame({name: np.unique(axis)}), how="cross")
-        table = simulator.run_at(places, along, n_jobs, progress=bool(diagnosis.progress))
-        if along is not None:
-            table[RUN] //= len(places) // len(asked)
+        table = _made(simulator, asked, data, along, n_jobs, bool(diagnosis.progress))
         done = table[table[list(data.outputs)].notna().any(axis=1)]
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", FailedRunsWarning)
@@ -167,6 +161,25 @@ def _runs_of(diagnosis: DiscrepancyDiagnosis) -> SimulationData:
             f"SimulationData, such as simulator.run(60, along=50), got {type(data).__name__}."
         )
     return data
+
+
+def _made(
+    simulator: Simulator,
+    asked: pd.DataFrame,
+    data: SimulationData,
+    along: FloatArray | None,
+    n_jobs: int | None,
+    progress: bool,
+) -> pd.DataFrame:
+    """Return the rows of runs that are asked for, of fields over their second axis, too."""
+    places = asked
+    for name, column in zip(data.input_names[1:], data.X.T[1:], strict=True):
+        if name not in asked:
+            places = places.merge(pd.DataFrame({name: np.unique(column)}), how="cross")
+    table = simulator.run_at(places, along, n_jobs, progress=progress)
+    if along is not None:
+        table[RUN] //= len(places) // len(asked)
+    return table
 
 
 def _round_of(diagnosis: DiscrepancyDiagnosis, n_runs: int) -> dict[str, Any]:

@@ -18,6 +18,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
+import pandas as pd
 from numpy.typing import NDArray
 
 from hybridsurrogate.numerics.linear_algebra import (
@@ -37,7 +38,12 @@ from hybridsurrogate.surrogates.emulation.covariance import (
     process_through,
     used_rows,
 )
-from hybridsurrogate.surrogates.emulation.curves import curves_of, distinct
+from hybridsurrogate.surrogates.emulation.curves import (
+    LEAST_ROWS,
+    LEAST_RUNS,
+    curves_of,
+    distinct,
+)
 from hybridsurrogate.surrogates.emulation.fields import field_of
 from hybridsurrogate.types import FloatArray
 
@@ -295,7 +301,13 @@ def emulate_curves(
         Rows of the runs.
     input_ranges, parameter_ranges : ndarray of shape (n_inputs, 2), (n_parameters, 2)
     """
-    curves = field_of(X, omega, eta) or curves_of(X, omega, eta)
+    if not omega.shape[1] or len(eta) < LEAST_RUNS * LEAST_ROWS:
+        return None
+    # quick, for runs that are no curves may be millions
+    if np.sum(~pd.DataFrame(omega).duplicated()) * LEAST_ROWS > len(eta):
+        return None
+    fields = field_of(X, omega, eta) if X.shape[1] > 1 else None
+    curves = fields or curves_of(X, omega, eta)
     if curves is None:
         return None
     ranges = np.vstack([np.delete(input_ranges, curves.along, axis=0), parameter_ranges])

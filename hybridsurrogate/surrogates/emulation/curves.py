@@ -33,11 +33,6 @@ def curves_of(X: FloatArray, omega: FloatArray, eta: FloatArray) -> Curves | Non
     X, omega, eta : ndarray of shape (n, n_inputs), (n, n_parameters), (n,)
         Rows of all runs, in any order.
     """
-    if not omega.shape[1] or len(eta) < LEAST_RUNS * LEAST_ROWS:
-        return None
-    # quick, for runs that are no curves may be millions
-    if np.sum(~pd.DataFrame(omega).duplicated()) * LEAST_ROWS > len(eta):
-        return None
     # repeats of a run are no rows of a curve
     n_rows = int(np.sum(~pd.DataFrame(np.hstack([X, omega])).duplicated()))
     best: tuple[int, FloatArray, NDArray[np.intp]] | None = None

@@ -92,8 +92,6 @@ def field_of(X: FloatArray, omega: FloatArray, eta: FloatArray) -> Field | None:
     X, omega, eta : ndarray of shape (n, n_inputs), (n, n_parameters), (n,)
         Rows of all runs, in any order.
     """
-    if not omega.shape[1] or X.shape[1] < 2 or len(eta) < LEAST_RUNS * LEAST_ROWS**2:
-        return None
     for along in combinations(range(X.shape[1]), 2):
         first, second = (np.unique(X[:, k], return_inverse=True) for k in along)
         shape = len(first[0]), len(second[0])
