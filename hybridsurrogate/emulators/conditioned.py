@@ -362,11 +362,12 @@ class KrigedCurves(Basis):
 
     def scatter(self, X: FloatArray) -> FloatArray:
         """Return the part (n,) of `error` by which repeated runs differ."""
-        return np.linalg.norm(self.emulator.scatter(X)[0], axis=1)
+        return np.linalg.norm(self.emulator.realisation(X), axis=1)
 
     def noise(self, X: FloatArray) -> FloatArray:
         """Return the standard deviation of repeated runs, (n,)."""
-        return np.hypot(self.scatter(X), self.emulator.scatter(X)[1])
+        curves, rest = self.emulator.scatter(X)
+        return np.hypot(np.linalg.norm(curves, axis=1), rest)
 
     @property
     def with_features(self) -> CurveBasis:

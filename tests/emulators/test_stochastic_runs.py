@@ -133,3 +133,49 @@ def test_a_measured_system_is_one_run(step, verdicts):
     assert diagnosis.best_cause_.kind == ("step" if step else "none")
     check = diagnosis.emulator_check_
     assert check.left_open < 1 < check.scatter
+
+
+def test_rows_of_one_run_have_one_realisation():
+    """Whatever their parameters are; those of another batch have another one."""
+    random = np.random.default_rng(0)
+    omega = np.repeat(points(30, 0, RANGES[1:]), 4, axis=0)
+    batch = np.repeat(random.uniform(0, 1, 30), 4)
+    y = mean(T, omega[:, :1], omega[:, 1:]) + path(T, len(omega), random)
+    run = np.repeat(np.arange(len(omega)), len(T))
+    X = np.column_stack([np.tile(T, len(omega)), batch[run]])
+    every = hs.SimulationData(
+        X, omega[run], y.ravel(), {"t": (0, 10), "batch": (0, 1)}, PRIORS, run=run
+    )
+    basis = hs.Emulator().fit(every)._emulators[0].basis
+    t, other = np.array([2.0, 2.5, 2.0, 2.5]), np.array([0.2, 0.2, 0.9, 0.9])
+    drifting = np.column_stack([[0.5, 0.51, 0.5, 0.51], np.full(4, 2.0)])
+    X = np.column_stack([t, other])
+    error = basis.error(X, drifting)
+    of_path = basis.emulator.realisation(X)
+    covariance = error @ error.T
+    within = of_path[0] @ of_path[1]
+    assert 0.6 * SD**2 < within < 1.2 * SD**2
+    assert covariance[0, 1] > 0.9 * within
+    assert abs(covariance[0, 3]) < 0.5 * within
+
+
+@pytest.mark.parametrize("n", [12, 60])
+def test_a_curve_is_left_out_with_its_repeats(n):
+    """Of many runs, that few of them give, as of few that are all used."""
+    emulator = hs.Emulator().fit(curves(n=n))._emulators[0].basis.emulator
+    left, coefficients = emulator.left_out, emulator.components.coefficients
+    others = np.unique(curves(n=n).omega, axis=0)
+    places = emulator.process.places(np.empty((n, 0)), others)
+    nugget = emulator.process.covariance.nugget
+    matrix = places.alike(places) + nugget * np.eye(n)
+    assert left.noise == nugget
+    for k in (0, 7):
+        run = left.runs[k]
+        rest = np.delete(np.arange(n), run)
+        gain = np.linalg.solve(matrix[np.ix_(rest, rest)], matrix[rest, run])
+        expected = gain @ coefficients[rest]
+        size = np.std(coefficients, axis=0)
+        np.testing.assert_allclose(left.coefficients[k] / size, expected / size, atol=0.03)
+        local = emulator.local.at(places.points[[run]])[0]
+        variance = local**2 * (matrix[run, run] - gain @ matrix[rest, run])
+        assert left.variance[k] == pytest.approx(variance, rel=0.05)

@@ -45,11 +45,15 @@ class Scatter(NamedTuple):
         and by independent numbers with these standard deviations.
     share : float
         Variance of the mean of a run's repeats in units of that of one.
+    factor : float
+        On the curves where the inverse of their covariance is meant: that of an estimate is too
+        large (Hartlap, Simon and Schneider 2007, Astronomy and Astrophysics 464:399, equation 17).
     """
 
     curves: FloatArray
     rest: FloatArray
     share: float
+    factor: float
 
     def along(self, components: FloatArray) -> FloatArray:
         """Return the variance (k,) of mean curves along components (k, n_places)."""
@@ -107,7 +111,8 @@ class Curves:
         missed = np.mean((self.outputs - mean - left * size @ curves) ** 2, axis=0)
         missed = np.sqrt(np.maximum(missed - self.scatter.left_by(curves), 0.0))
         table = np.vstack([mean, curves, missed, self.scatter.rest, self.scatter.curves]).T
-        return Components(left * size, self.ends, self.interpolated(table), self.between)
+        spline, factor = self.interpolated(table), self.scatter.factor
+        return Components(left * size, self.ends, spline, self.between, factor)
 
     @property
     def ends(self) -> FloatArray:
@@ -163,12 +168,15 @@ class Components:
         and the scatter of repeated runs, k + 3 + q curves.
     between : BetweenPlaces or BetweenBoth
         Error of interpolation along them.
+    factor : float
+        Of the scatter.
     """
 
     coefficients: FloatArray
     ends: FloatArray
     spline: Callable[[FloatArray], FloatArray]
     between: Between
+    factor: float
 
     def at(self, places: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return mean (n,), components (n, k) and what these leave (n,) at places.
@@ -189,11 +197,9 @@ def scatter_of(
 ) -> Scatter:
     """Return how repeats that have all places differ, of rows (n,) at a place of a run.
 
-    Curves as long as they are larger than those of independent rows. The inverse of a covariance
-    that is estimated is too large, by a factor that makes up for it (Hartlap, Simon and Schneider
-    2007, Astronomy and Astrophysics 464:399, equation 17).
+    Curves as long as they are larger than those of independent rows.
     """
-    none = Scatter(np.empty((0, n_places)), np.zeros(n_places), 1.0)
+    none = Scatter(np.empty((0, n_places)), np.zeros(n_places), 1.0, 1.0)
     frame = pd.DataFrame({"run": run, "column": column, "eta": eta})
     frame["repeat"] = frame.groupby(["run", "column"]).cumcount()
     if not frame["repeat"].any():
@@ -211,5 +217,5 @@ def scatter_of(
     q = int(np.sum(np.cumprod(larger & (left > _HUNDREDTH * left[0]))[:_MOST_COMPONENTS]))
     share = np.sum(1 / by_run.size()) + n_runs - by_run.ngroups
     rest = np.sqrt(np.sum((size[q:, None] * curves[q:]) ** 2, axis=0))
-    size = size * np.sqrt(degrees / max(degrees - q - 1, 1))
-    return Scatter(size[:q, None] * curves[:q], rest, float(share / n_runs))
+    factor = np.sqrt(degrees / max(degrees - q - 1, 1))
+    return Scatter(size[:q, None] * curves[:q], rest, float(share / n_runs), float(factor))

@@ -114,7 +114,7 @@ class CurveEmulator:
         mean, curves, missed = self.components.at(X[:, self.along])
         output = mean + np.einsum("nk,nk->n", curves, coefficients[group])
         rest = np.hypot(missed, self.between(X))
-        spread = [left[group, None] * curves * self.sd, rest, self.scatter(X)[0]]
+        spread = [left[group, None] * curves * self.sd, rest, self.realisation(X)]
         return output, np.column_stack(spread)
 
     def spread(self, X: FloatArray, omega: FloatArray) -> FloatArray:
@@ -128,7 +128,7 @@ class CurveEmulator:
     @property
     def n_spread(self) -> int:
         """Columns of `spread`."""
-        return 1 + len(self.sd) + self.scatter(np.zeros((1, 1 + np.max(self.along))))[0].shape[1]
+        return 1 + len(self.sd) + self.realisation(np.zeros((1, 1 + np.max(self.along)))).shape[1]
 
     def run_of(self, X: FloatArray, omega: FloatArray) -> NDArray[np.intp]:
         """Return which run each row (n,) is of, in the order of the coefficients.
@@ -138,11 +138,15 @@ class CurveEmulator:
         return distinct(np.hstack([np.delete(X, self.along, axis=1), omega]))[1]
 
     def scatter(self, X: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return S (n, q) and s (n,): runs of a stochastic simulation differ by S S' + diag(s^2).
-
-        That is one realisation. Independent numbers are left to the noise of measured rows.
-        """
+        """Return S (n, q) and s (n,): runs at equal parameters differ by S S' + diag(s^2)."""
         return self.components.scatter(X[:, self.along])
+
+    def realisation(self, X: FloatArray) -> FloatArray:
+        """Return F (n, q): one measured run differs from the mean by F F'.
+
+        Independent numbers are left to the noise of measured rows.
+        """
+        return self.scatter(X)[0] * self.components.factor
 
     def between(self, X: FloatArray) -> FloatArray:
         """Return the standard deviation of interpolation between simulated places, (n,)."""
@@ -162,7 +166,7 @@ class CurveEmulator:
             return output.reshape(len(omega), -1), spread.reshape(len(omega), len(X), -1)
         mean, curves, missed = self.components.at(X[:, self.along])
         coefficients, left = self._given_runs(omega)
-        scatter, k = self.scatter(X)[0], len(self.sd)
+        scatter, k = self.realisation(X), len(self.sd)
         spread = np.empty((len(omega), len(X), k + 1 + scatter.shape[1]))
         np.multiply(left[:, None, None], curves * self.sd, out=spread[..., :k])
         spread[..., k] = np.hypot(missed, self.between(X))
@@ -203,9 +207,10 @@ class CurveEmulator:
             factor = _factor(self.covariance(points))
         of_runs = (curves * self.sd)[:, :, None] * factor[group][:, None, :]
         of_places, rest = self._error_between(X, places, group, missed)
-        realisation = distinct(np.delete(X, self.along, axis=1))[1]
-        own = realisation[:, None] == np.arange(np.max(realisation, initial=-1) + 1)
-        scatter = (self.scatter(X)[0][:, None] * own[:, :, None]).reshape(len(X), -1)
+        scatter = self.realisation(X)
+        run = distinct(np.delete(X, self.along, axis=1))[1]
+        if scatter.shape[1] and run.any():
+            scatter = _factor(scatter @ scatter.T * (run[:, None] == run))
         F = np.column_stack([of_runs.reshape(len(X), -1), of_places, rest, scatter])
         if F.shape[1] <= len(X):
             return F
