@@ -163,9 +163,10 @@ class DiscrepancyDiagnosis(RegressorMixin, BaseEstimator):
         Fitted; ``predict`` and ``score`` of the diagnosis are those of this estimator. It is the
         average, weighted by probability, over the causes with at least 5 %, "none" included. Of
         several accepted causes, each in turn is replaced by its alternatives. Each extension keeps
-        a `Remainder` beyond the measured range. The first estimator, ``estimators_[0]``, has the
-        accepted causes, and ``posterior_`` is its posterior. Where the verdict is "adequate", this
-        is the estimator before.
+        a `Remainder` beyond the measured range; one by a curve of any shape leaves rows there to
+        the estimator before. The first estimator, ``estimators_[0]``, has the accepted causes, and
+        ``posterior_`` is its posterior. Where the verdict is "adequate", this is the estimator
+        before.
     extended_simulator_ : Simulator or None
         The simulation with the cause in it; None when there are only runs, or nothing to add.
     confounded_ : pandas.DataFrame

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -13,8 +13,9 @@ from sklearn.utils.validation import check_is_fitted
 
 from hybridsurrogate.arguments import described
 from hybridsurrogate.effects.base import Cause
+from hybridsurrogate.effects.output.processes import CURVES, is_beyond
 from hybridsurrogate.estimators.base import SurrogateEstimator
-from hybridsurrogate.estimators.power_scaled import PowerScaledSurrogate
+from hybridsurrogate.estimators.power_scaled import PowerScaledSurrogate, as_causes
 from hybridsurrogate.exceptions import SamplingWarning
 from hybridsurrogate.inference.loo import PointwiseLoo
 from hybridsurrogate.likelihoods import as_likelihood
@@ -44,12 +45,17 @@ class AveragedSurrogate(SurrogateEstimator):
         One for each; they are scaled to sum to one.
     random_state : int, RandomState or None, default=None
         For draws from the fitted model; each estimator is fitted with its own.
+    beyond : PowerScaledSurrogate or None, default=None
+        Predicts rows beyond the measured range, which a `Remainder` knows, in place of estimators
+        that add no more to it than curves of any shape: where these go nobody knows.
 
     Attributes
     ----------
     estimators_ : list of PowerScaledSurrogate
         Fitted.
     weights_ : ndarray of shape (n_estimators,)
+    beyond_ : PowerScaledSurrogate or None
+        Fitted.
     posterior_, diagnostics_, effects
         Of the first estimator: draws of models that differ have no average.
 
@@ -77,10 +83,12 @@ class AveragedSurrogate(SurrogateEstimator):
         estimators: Sequence[PowerScaledSurrogate] = (),
         weights: Sequence[float] = (),
         random_state: Any = None,
+        beyond: PowerScaledSurrogate | None = None,
     ):
         self.estimators = estimators
         self.weights = weights
         self.random_state = random_state
+        self.beyond = beyond
 
     def __repr__(self, N_CHAR_MAX: int = 400) -> str:
         # several models with their effects, indented: scikit-learn counts no blanks
@@ -137,10 +145,14 @@ class AveragedSurrogate(SurrogateEstimator):
         weights = self._checked_weights()
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", SamplingWarning)
-            fitted = [clone(one).fit(X, y, sample_weight, y_err) for one in self.estimators]
+            fitted = [clone(one).fit(X, y, sample_weight, y_err) for one in self._all()]
         self._keep(fitted, weights)
-        self._warn(self.weights_, fitted)
+        self._warn(self.weights_, self.estimators_)
         return self
+
+    def _all(self) -> list[PowerScaledSurrogate]:
+        """Return the estimators, and last the one for rows beyond the measured range."""
+        return [*self.estimators, *([] if self.beyond is None else [self.beyond])]
 
     @classmethod
     def of_fitted(
@@ -148,6 +160,7 @@ class AveragedSurrogate(SurrogateEstimator):
         estimators: Sequence[PowerScaledSurrogate],
         weights: Sequence[float],
         random_state: Any = None,
+        beyond: PowerScaledSurrogate | None = None,
     ) -> AveragedSurrogate:
         """Return the average over estimators that are fitted, to the same rows.
 
@@ -158,6 +171,7 @@ class AveragedSurrogate(SurrogateEstimator):
         estimators : sequence of PowerScaledSurrogate
         weights : sequence of float
         random_state : int, RandomState or None, default=None
+        beyond : PowerScaledSurrogate or None, default=None
 
         Raises
         ------
@@ -175,19 +189,22 @@ class AveragedSurrogate(SurrogateEstimator):
         >>> hs.AveragedSurrogate.of_fitted(fitted, [0.5, 0.5]).predict(case.X_in).shape
         (100,)
         """
-        average = cls([clone(one) for one in estimators], weights, random_state)
+        last = None if beyond is None else clone(beyond)
+        average = cls([clone(one) for one in estimators], weights, random_state, last)
         checked = average._checked_weights()
-        for one in estimators:
+        fitted = [*estimators, *([] if beyond is None else [beyond])]
+        for one in fitted:
             check_is_fitted(one)
             for mine, first in zip(one.measured_, estimators[0].measured_, strict=True):
                 if not np.array_equal(mine, first, equal_nan=True):
                     raise ValueError("All estimators must be fitted to the same measured rows.")
-        return average._keep(list(estimators), checked)
+        return average._keep(fitted, checked)
 
     def _keep(self, fitted: list[PowerScaledSurrogate], weights: FloatArray) -> AveragedSurrogate:
         self._store(fitted[0].data_)
         self.emulation_ = fitted[0].emulation_
-        self.estimators_, self.weights_ = fitted, weights / weights.sum()
+        self.estimators_, self.weights_ = fitted[: len(weights)], weights / weights.sum()
+        self.beyond_ = None if self.beyond is None else fitted[-1]
         return self
 
     @property
@@ -236,7 +253,7 @@ class AveragedSurrogate(SurrogateEstimator):
         if not self.estimators:
             raise ValueError("estimators must hold at least one estimator, got none.")
         first = self.estimators[0]
-        for one in self.estimators:
+        for one in self._all():
             if not isinstance(one, PowerScaledSurrogate):
                 raise TypeError(f"estimators must hold PowerScaledSurrogate objects, got {one!r}.")
             alike = as_likelihood(one.likelihood) == as_likelihood(first.likelihood)
@@ -266,10 +283,36 @@ class AveragedSurrogate(SurrogateEstimator):
         return [(weight, one) for weight, one in pairs if weight > 0]
 
     def _mixture(self, X: FloatArray | None = None) -> list[tuple[Any, Posterior]]:
-        return [(weight, one.posterior_) for weight, one in self._weighted()]
+        return self._handed_over(X, lambda one: one.posterior_)
 
     def _learned(self, X: FloatArray | None = None) -> list[tuple[Any, Posterior]]:
-        return [(weight, one.inference_.second) for weight, one in self._weighted()]
+        return self._handed_over(X, lambda one: one.inference_.second)
+
+    def _handed_over(
+        self, X: FloatArray | None, draws: Callable[[PowerScaledSurrogate], Posterior]
+    ) -> list[tuple[Any, Posterior]]:
+        """Return draws with weights; of curves beyond the measured range another one has theirs."""
+        pairs: list[tuple[Any, Posterior]] = []
+        handed: Any = 0.0
+        for weight, one in self._weighted():
+            model = one.posterior_.model
+            share: Any = weight
+            if X is not None and self._is_curve(one):
+                beyond = is_beyond(model.effects, dict(zip(model.columns, X.T, strict=False)))
+                if beyond.any():
+                    share, handed = weight * ~beyond, handed + weight * beyond
+            pairs.append((share, draws(one)))
+        if self.beyond_ is not None and np.any(handed):
+            pairs.append((handed, draws(self.beyond_)))
+        return pairs
+
+    def _is_curve(self, one: PowerScaledSurrogate) -> bool:
+        """Whether an estimator adds curves of any shape to that beyond the range, and no more."""
+        if self.beyond_ is None:
+            return False
+        known = {effect.name for effect in as_causes(self.beyond_.effects)}
+        added = [e for e in as_causes(one.effects) if e.is_learned and e.name not in known]
+        return bool(added) and all(effect.kind in CURVES for effect in added)
 
     def _parts(self) -> list[MixturePart]:
         return [

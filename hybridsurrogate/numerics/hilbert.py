@@ -2,7 +2,7 @@
 
 Solin and Sarkka 2020, Statistics and Computing 30:419, equations 56 and 20: sines that are zero at
 a boundary, with independent coefficients whose variances are the spectral density of a
-squared-exponential kernel.
+squared-exponential kernel. Cosines need no room beyond the range.
 """
 
 from __future__ import annotations
@@ -30,3 +30,12 @@ def heights(length_scale: FloatArray, n: int) -> FloatArray:
     root = np.pi * np.arange(1, n + 1) / (2 * BOUNDARY)
     length = np.reshape(length_scale, (-1, 1))
     return np.asarray(np.sqrt(np.sqrt(2 * np.pi) * length * np.exp(-0.5 * (length * root) ** 2)))
+
+
+def cosines(scaled: FloatArray, n: int) -> FloatArray:
+    """Return n cosines at places (m,) of an input scaled to [-1, 1], (m, n).
+
+    They are orthonormal there, of mean zero and flat at the ends, and stay beyond as at the ends.
+    """
+    root = np.pi / 2 * np.arange(1, n + 1)
+    return np.asarray(np.cos(root * (np.clip(scaled, -1, 1)[:, None] + 1)))

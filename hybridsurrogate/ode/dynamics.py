@@ -140,7 +140,7 @@ class WanderingParameter(_OfParameter):
     def factors(self, t: FloatArray, numbers: Numbers, step: float) -> dict[str, FloatArray]:
         """Return the factor on the parameter, (k, m)."""
         scaled = (2 * t[:, 0] - self.low - self.high) / (self.high - self.low)
-        change = hilbert.waves(scaled, self.n) @ coefficients(numbers, self.n).T
+        change = hilbert.cosines(scaled, self.n) @ coefficients(numbers, self.n).T
         return {self.parameter: np.exp(np.clip(change, -_MOST, _MOST))}
 
 

@@ -202,7 +202,7 @@ def test_an_extension_keeps_the_ranges_of_experiments_only_where_these_differ():
     assert spreads[2] > 2 * spreads[0]
 
 
-def test_an_extension_by_a_curve_of_any_shape_says_little_of_where_it_goes():
+def test_beyond_the_range_a_curve_of_any_shape_leaves_predictions_to_the_simulation():
     # a quarter of a wave, which any smooth curve imitates
     rng = np.random.default_rng(4)
     t = np.linspace(0, 10, 40)
@@ -218,3 +218,17 @@ def test_an_extension_by_a_curve_of_any_shape_says_little_of_where_it_goes():
     amplitude = extended.estimators_[0].posterior_.named()["amplitude"]
     assert amplitude.min() >= LEAST_OF_CURVE * kept[0].size * (1 - 1e-9)
     assert amplitude.max() <= MOST * kept[0].size * (1 + 1e-9)
+    X, y_new = np.linspace(-5, 20, 51)[:, None], np.zeros(51)
+    beyond = (X[:, 0] < 0) | (X[:, 0] > 10)
+    plain, one = diagnosis.estimator_, extended.estimators_[0]
+    for model, rows in ((plain, X[beyond]), (one, X[~beyond])):
+        for name in ("predict", "predict_interval"):
+            given, expected = (getattr(each, name)(rows) for each in (extended, model))
+            np.testing.assert_allclose(given, expected)
+    # rows of both together: densities, draws, and the same after a new fit
+    density = extended.log_predictive_density(X, y_new)
+    expected = [model.log_predictive_density(X, y_new) for model in (plain, one)]
+    np.testing.assert_allclose(density, np.where(beyond, *expected))
+    assert extended.sample_posterior_predictive(X, n_draws=50, random_state=0).shape == (50, 51)
+    again = clone(extended).fit(t[:, None], y)
+    np.testing.assert_allclose(again.predict(X), extended.predict(X), atol=0.3)

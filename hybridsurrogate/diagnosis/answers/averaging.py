@@ -15,7 +15,7 @@ from hybridsurrogate.diagnosis.search.forward_selection import SearchStep
 from hybridsurrogate.diagnosis.search.search import Search, predict_jointly
 from hybridsurrogate.effects import InOutput, Remainder
 from hybridsurrogate.effects.base import Cause
-from hybridsurrogate.effects.output.processes import LEAST, LEAST_OF_CURVE, MOST
+from hybridsurrogate.effects.output.processes import CURVES, LEAST, LEAST_OF_CURVE, MOST
 from hybridsurrogate.estimators.averaged import AveragedSurrogate
 from hybridsurrogate.estimators.power_scaled import PowerScaledSurrogate, as_causes
 from hybridsurrogate.exceptions import DiagnosisWarning, HybridSurrogateWarning
@@ -210,8 +210,9 @@ def averaged_over(
 ) -> AveragedSurrogate:
     """Return the average over possible causes, by probability, the accepted ones first.
 
-    Each extension keeps a remainder beyond the measured range, as large as what it changes. A
-    `DiagnosisWarning` lists what cannot be fitted together with the first.
+    Each extension keeps a remainder beyond the measured range, as large as what it changes; of one
+    by a curve of any shape the simulation takes the place there. A `DiagnosisWarning` lists what
+    cannot be fitted together with the first.
 
     Parameters
     ----------
@@ -246,7 +247,9 @@ def averaged_over(
             continue
         models.append(model)
         weights.append(share)
-    return AveragedSurrogate.of_fitted(models, weights, before.random_state)
+    has_curve = any(e.kind in CURVES for one in models for e in as_causes(one.effects))
+    beyond = before if has_curve else None
+    return AveragedSurrogate.of_fitted(models, weights, before.random_state, beyond)
 
 
 def explanations(steps: Sequence[SearchStep]) -> tuple[list[Causes], list[float]]:

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy import stats
 
 from hybridsurrogate.effects.base import (
@@ -27,6 +28,8 @@ from hybridsurrogate.simulation.arrays import is_of_calendar
 from hybridsurrogate.studied import STUDIED
 from hybridsurrogate.types import Prior
 
+# kinds that are smooth curves of any shape
+CURVES = ("unexplained", "curve-by-experiment")
 # basis functions an input: enough for the shortest length scale below (Riutort-Mayol et al. 2023,
 # Statistics and Computing 33:17, eq. 17: m >= 1.75 boundary / length scale); seven for each of two
 # inputs follow lengths from 0.375 on
@@ -496,6 +499,23 @@ class Remainder(Declared):
         if not sides:
             return np.empty((len(theta["amplitude"]), 0))
         return np.stack(sides, axis=1) * np.reshape(theta["amplitude"], (-1, 1))
+
+
+def is_beyond(effects: Iterable[Cause], X: Rows) -> NDArray[np.bool_]:
+    """Return which rows (n,) lie beyond the measured range that the remainders among effects know.
+
+    Parameters
+    ----------
+    effects : iterable of Cause
+        Of a fitted model.
+    X : dict of name to ndarray of shape (n,)
+    """
+    out = np.zeros(len(next(iter(X.values()))), dtype=bool)
+    for effect in effects:
+        if effect.kind == Remainder.kind:
+            columns = effect.columns(X, {"amplitude": np.ones(len(out))})
+            out |= columns is not None and np.any(columns > 0, axis=1)
+    return out
 
 
 def _ends(values: FloatArray) -> tuple[float, float]:

@@ -18,30 +18,32 @@ from hybridsurrogate.ode.dynamics import WanderingParameter, coefficients, wave_
 from hybridsurrogate.priors import frozen, prior_sd
 from hybridsurrogate.types import Prior
 
-# waves: of a rate that falls in two steps bands of 90 % contain 63 % of days with ten, 87 % with
-# twenty, 89 % with 24 (five epidemics; 84 % of nine), and with 30 91 %, in three times the time
+# the shortest reaches from peak to trough over 4 % of the range; with 30 fits take thrice as long
 _N_WAVES = 24
-# length scales: the shortest that so many resolve (Riutort-Mayol et al. 2023, Statistics and
-# Computing 33:17, eq. 17), and one of a curve that hardly bends
-_SHORTEST, _LONGEST = 1.75 * hilbert.BOUNDARY / _N_WAVES, 2.0
+# of the input scaled to [-1, 1]: a parameter that jumps to another level at random has this
+# correlation if it jumps twice in the range, on average
+_LENGTH = 1.0
 # the usual change of a parameter that keeps its sign, as a factor: halving and doubling
 _USUAL = 0.7
 
 
 @dataclass(eq=False, repr=False)
 class ParameterProcess(Declared):
-    """A parameter that wanders over an input, as smoothly as a Gaussian process.
+    """A parameter that wanders over an input, smoothly or in jumps.
 
     The catch-all of parameters, as `GaussianProcessDiscrepancy` is that of outputs: compared with
     it and with other parameters, it says *which* parameter would have to vary, and how. What it
     finds carries over to outputs and inputs that were not measured.
 
     A parameter whose prior has one sign becomes ``p exp(c(x))``, any other one ``p + c(x)``. The
-    curve c is a sum of normal waves over the input (`numerics.hilbert`), with the mean spectrum of
-    squared-exponential kernels whose length scales are log-uniform from 0.11 to 2, on the input
-    scaled to [-1, 1]. The size and the length of a process, as unknowns, lie on a bent ridge with
-    its waves, on which ensembles do not converge in 10,000 steps. In an `OdeSimulator` a parameter
-    of the right-hand side that wanders in time does so inside the dynamics.
+    curve c is a sum of cosines over the input (`numerics.hilbert`), with the spectrum of an
+    exponential kernel of length 1 on the input scaled to [-1, 1] (Rasmussen and Williams 2006,
+    Gaussian Processes for Machine Learning, equation 4.15 with nu = 1/2): that of a parameter that
+    jumps to another level at random, on average twice in the range. The mean of c over the range is
+    zero, which leaves the level to p, and beyond the range it stays as at the ends. The size and
+    the length of a process, as unknowns, lie on a bent ridge with its waves, on which ensembles do
+    not converge in 10,000 steps. In an `OdeSimulator` a parameter of the right-hand side that
+    wanders in time does so inside the dynamics.
 
     Parameters
     ----------
@@ -69,7 +71,7 @@ class ParameterProcess(Declared):
     [2.0, 2.0, 2.0]
     >>> theta["wave_1"] += 1.0
     >>> rate.inputs(rows, {"rate": np.full(3, 2.0)}, theta)[1]["rate"].round(1).tolist()
-    [3.0, 4.5, 3.0]
+    [5.4, 2.0, 0.7]
     """
 
     kind = "parameter-drift"
@@ -99,7 +101,7 @@ class ParameterProcess(Declared):
         return f"{self.kind}({self.parameter} over {self.over}, process)"
 
     def priors_by_name(self) -> Mapping[str, Prior]:
-        """Return the priors of the waves, which decay as those of a smooth process."""
+        """Return the priors of the waves, the shorter the smaller."""
         scale = _USUAL if self.scale is None else self.scale
         sizes = (scale * spectrum(_N_WAVES)).tolist()
         priors = [frozen(stats.norm, scale=size) for size in sizes]
@@ -142,7 +144,7 @@ class ParameterProcess(Declared):
         change = self.modification
         if change is not None:
             return X, {**omega, **{change.full(name): theta[name] for name in change.neutral}}
-        waves = hilbert.waves(scaled(X[self.over or ""], *self._ends), _N_WAVES)
+        waves = hilbert.cosines(scaled(X[self.over or ""], *self._ends), _N_WAVES)
         change = np.einsum("nk,nk->n", waves, coefficients(theta, _N_WAVES))
         return X, {**omega, self.parameter: self._moved(omega[self.parameter], change)}
 
@@ -164,7 +166,7 @@ class ParameterProcess(Declared):
         return self._moved(np.asarray(parameter)[:, None], self._curves(x, theta))
 
     def _curves(self, x: FloatArray, theta: Rows) -> FloatArray:
-        return coefficients(theta, _N_WAVES) @ hilbert.waves(scaled(x, *self._ends), _N_WAVES).T
+        return coefficients(theta, _N_WAVES) @ hilbert.cosines(scaled(x, *self._ends), _N_WAVES).T
 
     def _moved(self, parameter: FloatArray, change: FloatArray) -> FloatArray:
         return np.asarray(parameter * np.exp(change) if self.factor else parameter + change)
@@ -205,9 +207,9 @@ class ParameterProcess(Declared):
 
 
 def spectrum(n: int) -> FloatArray:
-    """Return standard deviations (n,) of waves: of length scales that are log-uniform."""
-    lengths = np.geomspace(_SHORTEST, _LONGEST, 16)
-    return np.asarray(np.sqrt(np.mean(hilbert.heights(lengths, n) ** 2, axis=0)))
+    """Return standard deviations (n,) of n cosines."""
+    scaled = _LENGTH * np.pi / 2 * np.arange(1, n + 1)
+    return np.asarray(np.sqrt(2 * _LENGTH / (1 + scaled**2)))
 
 
 register(
