@@ -227,7 +227,8 @@ def gain_from(before: Scores, after: Scores, folds: tuple[FoldGain, ...] = ()) -
         found[f"coverage_{word}"] = mean_and_error(scores.inside, weight)[0]
         found[f"half_{word}"] = mean_and_error(scores.inside_half, weight)[0]
         # d RMSE = d(mean of squares) / (2 RMSE): the delta method
-        per_row.append(scores.error**2 / (2 * max(rmse, np.finfo(float).tiny)))
+        with np.errstate(invalid="ignore"):  # predictions that overflow have an infinite RMSE
+            per_row.append(scores.error**2 / (2 * max(rmse, np.finfo(float).tiny)))
     change, error = mean_and_error(after.log_density - before.log_density, weight)
     return HeldOutGain(
         **found,
