@@ -261,8 +261,6 @@ class LaplacePosterior(PowerScaledPosterior):
     runs: SimulatedRows | None
 
     is_exact = False
-    # each value of the approximation is optimised, and is as rough as that is exact
-    step_share = 0.5
 
     def run_statistics(self, hyper: FloatArray) -> Statistics | None:
         """Return the statistics of the runs in the features at hyperparameters (n_hyper,)."""

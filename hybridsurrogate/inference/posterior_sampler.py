@@ -52,7 +52,7 @@ def first_step(
 ) -> FirstStep:
     """Draw all unknowns of step 1."""
     starts = starting_points(plain, random_state)
-    coordinates = standardised(plain.model, plain.search_density, starts, plain.step_share)
+    coordinates = standardised(plain.model, plain.search_density, starts)
     target: Target = plain
     if coordinates is not None:
         target, starts = HierarchicalTarget(plain, coordinates), coordinates.of(starts)
@@ -107,22 +107,21 @@ def evidence_around(
     value = target.search_density(starts)
     if not np.isfinite(value).any():
         return np.nan
-    steps = target.step_share, target.model.least_step
     starts = starts[np.argsort(-value)[: SETTINGS.evidence_starts]]
-    modes, minor, _ = _approximations(target, find_modes(target.search_density, starts, *steps))
+    found = find_modes(target.search_density, starts, target.model.least_step)
+    modes, minor, _ = _approximations(target, found)
     args = target.extended_log_density, minor, SETTINGS.min_proposals, 1, random_state
     sampled = importance_draws(*args, n_noise=target.n_noise, modes=modes)
     return _log_evidence_of(target, sampled)
 
 
 def _modes(target: Target, starts: FloatArray) -> list[Gaussian]:
-    steps = target.step_share, target.model.least_step
-    modes = find_modes(target.search_density, starts, *steps)
+    modes = find_modes(target.search_density, starts, target.model.least_step)
     # with one unknown in addition to sigma the starts were all there are
     if target.n_dimensions > 2:
         further = further_points(target, modes[0].mean)
         if len(further):
-            modes += find_modes(target.search_density, further, *steps)
+            modes += find_modes(target.search_density, further, target.model.least_step)
     return distinct(modes)
 
 

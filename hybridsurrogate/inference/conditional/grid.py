@@ -33,6 +33,7 @@ from hybridsurrogate.inference.sampling.modes import factors, optimise_density
 from hybridsurrogate.inference.sampling.settings import SETTINGS
 from hybridsurrogate.model.statistics import prior_log_density, prior_of_unknowns
 from hybridsurrogate.numerics.linear_algebra import NEGLIGIBLE, blocks, log_det_of, nudged_cholesky
+from hybridsurrogate.priors import Z_LIMIT
 from hybridsurrogate.types import FloatArray
 
 
@@ -127,7 +128,7 @@ def grid_draws(
     is whether its cells are smaller than the posterior of most draws.
     """
     d = problem.model.n_unknowns
-    low, high = np.full(d, -SETTINGS.prior_end), np.full(d, SETTINGS.prior_end)
+    low, high = np.full(d, -Z_LIMIT), np.full(d, Z_LIMIT)
     noise = noise_grid(problem.noise_prior, problem.scale, problem.weights.sum())
 
     def evaluated(nodes: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -137,7 +137,6 @@ class CollapsedPosterior(PowerScaledPosterior):
     simulation: Statistics | None
 
     is_exact = True
-    step_share = 0.1
 
     def run_statistics(self, hyper: FloatArray) -> Statistics | None:
         """Return the statistics of the runs in the features at hyperparameters (n_hyper,)."""

@@ -26,8 +26,6 @@ class Target(ABC):
         Spread of the output on the scale of eta.
     is_exact : bool
         Whether the coefficients are integrated out in closed form.
-    step_share : float
-        Share of a standard deviation over which the search density is differenced.
     """
 
     model: MeasuredModel
@@ -35,7 +33,6 @@ class Target(ABC):
     y: FloatArray
     scale: float
     is_exact: bool
-    step_share: float
 
     @property
     def n_dimensions(self) -> int:

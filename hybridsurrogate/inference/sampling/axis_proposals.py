@@ -20,11 +20,17 @@ from scipy import special
 from scipy.interpolate import CubicSpline
 
 from hybridsurrogate.inference.conjugate.target import Target
-from hybridsurrogate.inference.sampling.modes import Gaussian, distinct, factors, optimise_density
+from hybridsurrogate.inference.sampling.modes import (
+    STEP_SHARE,
+    Gaussian,
+    distinct,
+    factors,
+    optimise_density,
+)
 from hybridsurrogate.inference.sampling.settings import SETTINGS
 from hybridsurrogate.model.observation import MeasuredModel
 from hybridsurrogate.numerics.linear_algebra import NEGLIGIBLE, SINGULAR
-from hybridsurrogate.priors import to_normal
+from hybridsurrogate.priors import Z_LIMIT, to_normal
 from hybridsurrogate.types import FloatArray
 
 
@@ -138,7 +144,7 @@ def _followed_ridge(
                 if error < SETTINGS.ridge_missed / 32:
                     spacing[k] = np.sign(spacing[k]) * min(most, 2 * abs(spacing[k]))
                 # a mode beyond the end of a prior has no room on that side
-                room = max(SETTINGS.prior_end - np.sign(spacing[k]) * node.s, 0.0)
+                room = max(Z_LIMIT - np.sign(spacing[k]) * node.s, 0.0)
                 spacing[k] = np.sign(spacing[k]) * min(abs(spacing[k]), room)
             ended = abs(spacing[k]) < 0.5 * least or node.value < best + np.log(
                 SETTINGS.least_share
@@ -177,9 +183,8 @@ def _climbed(target: Target, position: int, s: FloatArray, others: FloatArray) -
         return target.search_density(np.insert(points, position, held[which], axis=1))
 
     if finite.any():
-        share, least = target.step_share, target.model.least_step
         x[finite], value[finite], hessian[finite] = optimise_density(
-            along, x[finite], value[finite], share, least_step=least
+            along, x[finite], value[finite], least_step=target.model.least_step
         )
     value[~finite] = -np.inf
     return [_Node(*one) for one in zip(s.tolist(), x, value.tolist(), hessian, strict=True)]
@@ -223,7 +228,7 @@ def enumerated(model: MeasuredModel) -> list[tuple[int, FloatArray]]:
             nodes = np.asarray(grids[owner][name], dtype=float)
             nodes = nodes.reshape(len(nodes), -1).mean(axis=1, keepdims=True)
             nodes = to_normal([prior], nodes)
-            out.append((position, np.clip(nodes[:, 0], -SETTINGS.prior_end, SETTINGS.prior_end)))
+            out.append((position, np.clip(nodes[:, 0], -Z_LIMIT, Z_LIMIT)))
     return out
 
 
@@ -240,9 +245,9 @@ def _line(
         sd = float(precision[position, position] ** -0.5)
         # close around the mode, with the nodes between
         centre = mode.mean[position]
-        away = np.geomspace(sd / SETTINGS.bins, 2 * SETTINGS.prior_end, SETTINGS.line_points)
+        away = np.geomspace(sd / SETTINGS.bins, 2 * Z_LIMIT, SETTINGS.line_points)
         z = np.unique(np.concatenate([centre - away, [centre], centre + away, nodes]))
-        z = z[np.abs(z) <= SETTINGS.prior_end]
+        z = z[np.abs(z) <= Z_LIMIT]
         edges, log_mass = _cells(z, target.search_density(_along(mode.mean, position, z)))
         share = np.exp(log_mass - special.logsumexp(log_mass))
         normal = np.diff(special.ndtr((edges - mode.mean[position]) / sd))
@@ -324,7 +329,7 @@ def _followed(
     Newton steps with a diagonal Hessian in the coordinates in which the others are standard normal
     around the mode; widths are standard deviations in these coordinates.
     """
-    r, step = len(rest_factor), target.step_share
+    r, step = len(rest_factor), STEP_SHARE
     offsets = np.zeros((2 * r, points.shape[1]))
     offsets[:, others] = step * np.concatenate([rest_factor.T, -rest_factor.T])
     value = target.search_density(points)

@@ -131,7 +131,7 @@ class Coordinates:
 
 
 def standardised(
-    model: MeasuredModel, log_density: LogDensity, starts: FloatArray, step_share: float = 0.1
+    model: MeasuredModel, log_density: LogDensity, starts: FloatArray
 ) -> Coordinates | None:
     """Return coordinates that suit the hierarchies of a density; None where it has none.
 
@@ -145,8 +145,6 @@ def standardised(
         Of plain points (J, d), at least approximately.
     starts : ndarray of shape (k, d)
         Plain points from which to climb.
-    step_share : float
-        As in `find_modes`.
     """
     found = hierarchies(model)
     if not found:
@@ -165,7 +163,7 @@ def standardised(
         points[:, free] = x
         return centred.density(log_density, points)
 
-    mode = find_modes(at_wide_spread, wide[:, free], step_share, model.least_step)[0]
+    mode = find_modes(at_wide_spread, wide[:, free], model.least_step)[0]
     covariance = mode.factor @ mode.factor.T
     place = {position: k for k, position in enumerate(free)}
     means, deviations = {one.mean for one in found}, {k for one in found for k in one.deviations}

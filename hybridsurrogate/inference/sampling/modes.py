@@ -23,11 +23,11 @@ from hybridsurrogate.inference.evidence.settings import SETTINGS as EVIDENCE
 from hybridsurrogate.inference.sampling.settings import SETTINGS
 from hybridsurrogate.model.statistics import emulator_posterior
 from hybridsurrogate.numerics.linear_algebra import NEGLIGIBLE
-from hybridsurrogate.priors import to_normal
+from hybridsurrogate.priors import Z_LIMIT, to_normal
 from hybridsurrogate.types import FloatArray
 
 # places along one parameter, in standard normal coordinates: beyond, no prior has mass
-_LINE = np.linspace(-SETTINGS.prior_end, SETTINGS.prior_end, 41)
+_LINE = np.linspace(-Z_LIMIT, Z_LIMIT, 41)
 _SPACING = _LINE[1] - _LINE[0]
 
 
@@ -134,7 +134,7 @@ def _best_prior_points(
     distance = np.linalg.norm(z[:, None] - z, axis=2)
     neighbours = np.argsort(distance, axis=1)[:, 1 : 2 * d + 1]
     peaks = np.flatnonzero(value >= value[neighbours].max(axis=1))
-    return u[peaks[np.argsort(-value[peaks])][: SETTINGS.max_starts]]
+    return u[peaks[np.argsort(-value[peaks])][: SETTINGS.few]]
 
 
 LogDensity = Callable[[FloatArray], FloatArray]
@@ -155,8 +155,13 @@ class Gaussian:
     log_mass: float = 0.0
 
 
+# length of difference steps in standard deviations: five times as long for an approximation that is
+# optimised, k-hat of 36 fits to counts and heavy tails is 0.002 lower (standard error 0.013)
+STEP_SHARE = 0.1
+
+
 def find_modes(
-    log_density: LogDensity, starts: FloatArray, step_share: float = 0.1, least_step: float = 0.0
+    log_density: LogDensity, starts: FloatArray, least_step: float = 0.0
 ) -> list[Gaussian]:
     """Climb from every start at once by damped Newton steps; return distinct modes, best first.
 
@@ -167,8 +172,6 @@ def find_modes(
     ----------
     log_density : callable
     starts : ndarray of shape (S, d)
-    step_share : float
-        Length of difference steps in standard deviations; longer ones even out a rough density.
     least_step : float
         Differences over less mean nothing.
 
@@ -196,7 +199,6 @@ def find_modes(
         lambda points, _: log_density(points),
         x[alive],
         value[alive],
-        step_share,
         prune=True,
         least_step=least_step,
     )
@@ -217,7 +219,6 @@ def optimise_density(
     log_density: PairLogDensity,
     x: FloatArray,
     value: FloatArray,
-    step_share: float = 0.1,
     prune: bool = False,
     least_step: float = 0.0,
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -255,7 +256,7 @@ def optimise_density(
         value[index[better]] = trial_value[better]
         damping[index] = np.clip(np.where(better, 0.1, 8.0) * damping[index], 1e-9, 1e9)
         diagonal = np.abs(np.einsum("jkk->jk", curvature))
-        share = step_share * np.clip(1 / np.sqrt(np.maximum(diagonal, 1e-8)), 1e-7, 0.5)
+        share = STEP_SHARE * np.clip(1 / np.sqrt(np.maximum(diagonal, 1e-8)), 1e-7, 0.5)
         before, step[index] = step[index], np.maximum(share, least_step)
         known[index] = ~better & np.all(np.abs(np.log2(step[index] / before)) < 1, axis=1)
         done = (gain < SETTINGS.mode_gain) | (damping[index] > 1e4)

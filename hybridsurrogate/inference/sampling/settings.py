@@ -31,8 +31,6 @@ class SamplingSettings:
         weight stays where it is, and counts as if it had that; each has at least the second share
         of the points, and a mode with this share of the best one's mass makes a posterior
         multimodal.
-    prior_end : float
-        No prior has mass beyond.
     line_points : int
         Along a line to each side of a mode, the further away the further apart.
     far_from_normal : float
@@ -42,16 +40,16 @@ class SamplingSettings:
     bins, bin_sd : int, float
         Of a piecewise proposal; the standard deviation of a bin's in widths.
     few : int
-        Newton steps, and rounds of adaptation, where proposals need no more than about the right
-        place: along a line (without any, standard deviations of 48 posteriors with steps, episodes
-        or periods are off by 0.004 more, standard error 0.002, and one needs an ensemble), given
-        the surrogate's coefficients, and in the smoothing of a rough density by its own posterior.
-        And slices, of so many proposals at most: without, means of 16 fresh densities on bends are
-        off by 0.030 instead of 0.022 standard deviations, and 40 instead of 23 of 232 such
-        densities have a bad k-hat.
-    max_starts, converged_noise : int, float
-        Starts of a search for modes; and the change of the noise, as a share, at which fits that
-        are repeated with their estimated noise have converged.
+        Starts of a search for modes. And Newton steps, and rounds of adaptation, where proposals
+        need no more than about the right place: along a line (without any, standard deviations of
+        48 posteriors with steps, episodes or periods are off by 0.004 more, standard error 0.002,
+        and one needs an ensemble), given the surrogate's coefficients, and in the smoothing of a
+        rough density by its own posterior. And slices, of so many proposals at most: without, means
+        of 16 fresh densities on bends are off by 0.030 instead of 0.022 standard deviations, and 40
+        instead of 23 of 232 such densities have a bad k-hat.
+    converged_noise : float
+        Change of the noise, as a share, at which fits that are repeated with their estimated noise
+        have converged.
     mode_steps, mode_gain : int, float
         Steps to a mode at most; gain of the log density, in nats, at which one has reached it: it
         shapes proposals only.
@@ -93,13 +91,11 @@ class SamplingSettings:
     good_khat: float = 0.3
     least_share: float = 1e-3
     least_proposed: float = 0.05
-    prior_end: float = 6.5
     line_points: int = 200
     far_from_normal: float = 0.25
     bins: int = 40
     bin_sd: float = 0.6
     few: int = 4
-    max_starts: int = 5
     converged_noise: float = 0.7
     mode_steps: int = 40
     mode_gain: float = 1e-3

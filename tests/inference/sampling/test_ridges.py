@@ -57,7 +57,7 @@ def test_a_mode_beyond_the_end_of_a_prior_is_left_towards_the_data_alone():
     """Followed further out, the path would turn and come back over itself."""
 
     class Valley:
-        step_share, model = 1.0, SimpleNamespace(least_step=0.0)
+        model = SimpleNamespace(least_step=0.0)
 
         def search_density(self, x):
             exchanged = (x[:, 0] + x[:, 1] - 16) / 0.05
