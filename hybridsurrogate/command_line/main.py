@@ -112,6 +112,7 @@ class Unbroken:
             os.dup2(os.open(os.devnull, os.O_WRONLY), self._stream.fileno())
 
 
+# as argparse exits, and shells report an interrupt: 128 and the number of the signal
 _UNUSABLE, _INTERRUPTED = 2, 130
 
 

@@ -34,6 +34,7 @@ _NAMES = {
     "totale_positivi": "active",
     "tamponi": "tests",
 }
+# days to 7 May 2020, and inhabitants: numbers are of 100,000 of them
 _N_DAYS = 74
 _POPULATION, _PER = 60_421_760, 100_000
 

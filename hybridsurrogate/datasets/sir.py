@@ -16,6 +16,7 @@ from hybridsurrogate.priors import truncated_normal
 from hybridsurrogate.simulation.simulator import Assumed, SimulationData, Simulator
 from hybridsurrogate.types import FloatArray
 
+# people in the boarding school of `make_sir`, and what the simulation assumes a day
 _POPULATION = 763.0
 _ASSUMED_RECOVERY_RATE = 0.55
 # of the negative binomial counts

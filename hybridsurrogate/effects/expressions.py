@@ -201,6 +201,7 @@ def names_in(template: str) -> list[str]:
 Values = Mapping[str, float]
 Printer = Callable[[Code, Values, Mapping[str, float]], str]
 
+# digits of a number, of a place, and of a level that is compared exactly: a choice of presentation
 _DIGITS, _DIGITS_OF_PLACE, _DIGITS_OF_LEVEL = 4, 5, 12
 # how tightly a sum, a product and a power hold together
 _SUM, _PRODUCT, _POWER, _WHOLE = range(4)

@@ -11,6 +11,7 @@ from hybridsurrogate.likelihoods.student_t import log_shape
 from hybridsurrogate.simulation.variables import MOST_LEVELS
 from hybridsurrogate.types import FloatArray
 
+# curves of one picture: a choice of presentation
 _N_DRAWS = 5
 # draws from the bulk of the prior: the tails of a Cauchy prior would flatten all others
 _BULK = (0.15, 0.85)

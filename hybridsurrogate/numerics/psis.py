@@ -7,6 +7,7 @@ from scipy import special
 
 from hybridsurrogate.types import FloatArray
 
+# of Vehtari, Simpson, Gelman, Yao and Gabry (2024, Journal of Machine Learning Research 25:72)
 KHAT_LIMIT = 0.7
 # of so many weights none exceeds the mean by so much (in nats): they are level
 _MANY, _LEVEL = 1000, float(np.log(10.0))

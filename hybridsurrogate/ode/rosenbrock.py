@@ -33,6 +33,7 @@ _C = (
         -6.058818238834054,
     ),
 )
+# where its stages are in a step, and what they take of the slope over time
 _AT = (0.0, 0.386, 0.21, 0.63, 1.0, 1.0)
 _BY_TIME = (0.25, -0.1043, 0.1035, -0.0362, 0.0, 0.0)
 # and what is between two steps

@@ -27,6 +27,7 @@ from hybridsurrogate.simulation.calls import (
 from hybridsurrogate.simulation.run_store import RunStore
 from hybridsurrogate.types import FloatArray
 
+# of the runs that one simulation keeps: a bound on memory
 _BYTES = 64 * 2**20
 # A diagnosis of an ODE has a simulation, and so a table, for each of some forty causes, in each
 # fold. Those that were used last may have as much together

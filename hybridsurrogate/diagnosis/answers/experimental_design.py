@@ -36,6 +36,7 @@ from hybridsurrogate.types import FloatArray
 # probability, which serve narrow and wide alternatives together as well as similar ones; fewer
 # where each component is there at three amplitudes of a remainder
 _VALUES, _VALUES_BEYOND = 24, 8
+# places along a column, and the share of the most information from which one is as good
 _N_PLACES, _AS_GOOD = 60, 0.98
 # places of a batch to choose from where none are given, and simulated batches: expected
 # information is estimated to about 0.02 bits

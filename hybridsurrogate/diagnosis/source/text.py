@@ -15,6 +15,7 @@ from hybridsurrogate.effects.expressions import digits_at
 from hybridsurrogate.numerics.digits import interval
 from hybridsurrogate.types import FloatArray
 
+# of a line of code: a choice of presentation
 WIDTH = 88
 # digits of a default beyond those of its interval: rounding is no part of the error
 _DIGITS = 6

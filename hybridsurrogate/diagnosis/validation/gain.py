@@ -15,6 +15,7 @@ from hybridsurrogate.numerics import digits
 from hybridsurrogate.scoring.scores import COVERAGE_LEVEL
 from hybridsurrogate.types import FloatArray
 
+# level of the narrower of two intervals whose coverage is shown: a choice of presentation
 HALF = 0.5
 _HEADER = ("", "before", "after", "difference")
 

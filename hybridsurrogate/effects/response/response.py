@@ -25,6 +25,7 @@ from hybridsurrogate.effects.registry import Form, needs, register
 from hybridsurrogate.priors import frozen
 from hybridsurrogate.types import Prior
 
+# of the prior of a factor's logarithm (`Gain`): a factor of two is ordinary, one of ten is not
 _LAPLACE_SCALE = 1 / 3
 
 
