@@ -148,6 +148,16 @@ class Likelihood(ABC):
         """Raise ValueError when nothing can be fitted to y; scores need `check` alone."""
         self.check(y, source)
 
+    def __eq__(self, other: object) -> bool:
+        """Whether another one is of the same class and holds the same, as a copy does."""
+        if type(self) is not type(other):
+            return NotImplemented
+        own, others = vars(self), vars(other)
+        return own.keys() == others.keys() and all(np.array_equal(own[k], others[k]) for k in own)
+
+    def __hash__(self) -> int:
+        return hash(type(self))
+
     def working(self, y: FloatArray) -> FloatArray:
         """Return y on the scale of eta, nudged off the ends where that is not finite.
 
