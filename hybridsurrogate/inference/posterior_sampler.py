@@ -144,6 +144,13 @@ def _improved(
     thin = scarce or elongation(minor[0]) > SETTINGS.ridge_elongation
     if adapted and thin and not has_lines and target.n_dimensions > 2:
         along = _ridge_draws(target, minor, n, n_draws, random_state)
+        if along is not None and along.khat > SETTINGS.good_khat:
+            # the climb may have ended beside a ridge of a width near the rounding
+            points = along.proposals.points
+            best = points[[int(np.argmax(target.search_density(points)))]]
+            climbed = find_modes(target.search_density, best, target.model.least_step)
+            better = _ridge_draws(target, climbed, n, n_draws, random_state)
+            along = along if better is None or better.khat > along.khat else better
         if along is not None and along.khat <= KHAT_LIMIT:
             sampled, modes = along, modes[:1]
             few = sampled.effective_draws < SETTINGS.enough_effective * n
