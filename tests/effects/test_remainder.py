@@ -199,7 +199,7 @@ def test_an_extension_keeps_the_ranges_of_experiments_only_where_these_differ():
         assert diagnosis.best_cause_.kind == "step"
         spreads.append(diagnosis.predict(X[~rows], return_std=True)[1].mean())
     assert spreads[1] < 1.5 * spreads[0]
-    assert spreads[2] > 2 * spreads[0]
+    assert spreads[2] > 1.5 * spreads[0]
 
 
 def test_beyond_the_range_a_curve_of_any_shape_leaves_predictions_to_the_simulation():
