@@ -34,12 +34,15 @@ class Failures:
         The range of all runs.
     classifier : GaussianProcessClassifier or None
         None where no run failed.
+    odds : float
+        Of a failure among all runs, in units of those among the runs that were learned from.
     """
 
     columns: NDArray[np.intp]
     low: FloatArray
     width: FloatArray
     classifier: Any
+    odds: float
 
     @classmethod
     def of(cls, runs: SimulationData) -> Failures:
@@ -59,21 +62,28 @@ class Failures:
         low, width = points.min(axis=0), np.ptp(points, axis=0)
         width[width == 0] = 1.0
         if not len(runs.failed):
-            return cls(columns, low, width, None)
+            return cls(columns, low, width, None, 1.0)
         failed = np.arange(len(points)) >= len(done)
-        some = np.random.default_rng(0).permutation(len(points))[:_MOST]
+        # rare failures among many runs all count, and weights restore how rare they are
+        order = np.random.default_rng(0).permutation(len(points))
+        kept = [order[failed[order] == one] for one in (True, False)]
+        kept[0] = kept[0][: max(_MOST // 2, _MOST - len(kept[1]))]
+        kept[1] = kept[1][: _MOST - len(kept[0])]
+        some = np.concatenate(kept)
+        odds = failed.sum() / len(kept[0]) * len(kept[1]) / max(len(done), 1)
         kernel = ConstantKernel(1.0, _AMPLITUDES) * RBF(np.ones(len(columns)), _LENGTHS)
         classifier = None
-        if failed[some].any() and not failed[some].all():
+        if len(kept[1]):
             with warnings.catch_warnings():  # an input of no influence has the longest length
                 warnings.simplefilter("ignore", ConvergenceWarning)
                 classifier = GaussianProcessClassifier(kernel, random_state=0)
                 classifier.fit((points[some] - low) / width, failed[some])
-        return cls(columns, low, width, classifier)
+        return cls(columns, low, width, classifier, odds)
 
     def probability(self, points: FloatArray) -> FloatArray:
         """Return that of a failure (n,) at inputs and parameters (n, n_inputs + n_parameters)."""
         if self.classifier is None:
             return np.zeros(len(points))
         places = (points[:, self.columns] - self.low) / self.width
-        return np.asarray(self.classifier.predict_proba(places)[:, 1])
+        works, fails = self.classifier.predict_proba(places).T
+        return np.asarray(self.odds * fails / (self.odds * fails + works))

@@ -45,6 +45,8 @@ def test_the_batch_that_is_off_is_named_by_its_name(tmp_path):
     assert low < 0.5 < high
     report = found.report()
     assert report.headline.endswith("above the simulation where batch is Ether.")
+    lower = found.plot()[-1]
+    assert [tick.get_text() for tick in lower.get_xticklabels()] == sorted(NAMES)
     assert found.next_measurement_["batch"] in NAMES
     assert set(found.next_measurements(3)["batch"]) <= {*NAMES}
     # predictions go by name, and a batch that was not measured is as simulated

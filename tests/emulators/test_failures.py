@@ -9,6 +9,7 @@ from few_kinds import all_but
 from scipy.stats import qmc, uniform
 
 import hybridsurrogate as hs
+from hybridsurrogate.emulators.failures import Failures
 
 PRIORS = {"rate": uniform(0.2, 0.8), "level": uniform(1, 2)}
 T = np.linspace(0, 10, 25)
@@ -111,3 +112,22 @@ def test_a_diagnosis_says_that_runs_fail_where_the_data_are(rate, cautioned):
     asked = diagnosis.next_runs(3)
     if not cautioned:
         assert not fails(asked["rate"], asked["level"]).any()
+
+
+def test_rare_failures_among_many_runs_count():
+    """Of 4,000 runs 14 fail, all in one corner; a sample of 300 would have one of them."""
+    random = np.random.default_rng(0)
+    x = random.uniform(size=(4000, 2))
+    corner = (x[:, 0] > 0.97) & (x[:, 1] > 0.9)
+    done = x[~corner]
+    data = hs.SimulationData(
+        done[:, :1],
+        done[:, 1:],
+        done.sum(axis=1),
+        inputs=["t"],
+        parameters={"rate": uniform(0, 1)},
+        failed=x[corner],
+    )
+    there, elsewhere = Failures.of(data).probability(np.array([[0.99, 0.95], [0.5, 0.5]]))
+    assert there > 0.3
+    assert elsewhere < 0.02

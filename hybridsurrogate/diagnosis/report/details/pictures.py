@@ -100,7 +100,15 @@ def _drawn(
         None if view.side is None else view.side[shown],
     )
     logarithmic(axes[0], view, y)
+    _write_names(axes[-1], view)
     return axes, table, low
+
+
+def _write_names(ax: Axes, view: View) -> None:
+    """Write names where the column that is shown has numbers for them."""
+    names = view.labels.get(view.name)
+    if names is not None:
+        ax.set_xticks(range(len(names)), names, fontsize="small")
 
 
 def _start(view: View, held: tuple[FloatArray, FloatArray] | None) -> float | None:
@@ -128,6 +136,7 @@ def picture_discrepancy(view: View) -> Drawn:
         # the smooth curve is one over the inputs and does not know the column that matters
         _draw_column(ax, view)
     plotting.tidy(ax, view.axis(view.name), f"{view.log}measured - {view.log}simulated")
+    _write_names(ax, view)
     return rendered(axes, _described(view))
 
 
@@ -226,6 +235,7 @@ def picture_residuals(view: View) -> Drawn:
             False,
             ticks=5,
         )
+        _write_names(axes[k], view)
         plotting.plot_quantiles(axes[n + k], view.standardised(model), colour, mark, word)
     for row in (axes[:n], axes[n:]):
         _center(row)
@@ -297,11 +307,12 @@ def picture_next(view: View) -> Drawn:
     information = information_at(found, view.single(rows))
     plotting.plot_information(axes[1], x, information, here)
     plotting.tidy(axes[1], view.axis(view.name), "information\nin bits", legend=False)
+    _write_names(axes[1], view)
     return rendered(
         axes,
         f"What the alternatives predict over {view.name}: {digits.listing(names)}. A vertical "
-        f"line marks {view.name} = {digits.number(float(here))}, where one more measurement would "
-        "best separate them.",
+        f"line marks {view.name} = {view.value(view.name, float(here))}, where one more "
+        "measurement would best separate them.",
     )
 
 
