@@ -8,7 +8,7 @@ from moments import assert_gaussian
 from scipy import special, stats
 
 import hybridsurrogate as hs
-from hybridsurrogate.inference.sampling.importance import importance_draws
+from hybridsurrogate.inference.sampling.importance import bent, importance_draws
 from hybridsurrogate.inference.sampling.modes import Gaussian, find_modes, further_points
 from hybridsurrogate.numerics.psis import level_smooth, pareto_smooth
 
@@ -114,6 +114,24 @@ def test_importance_draws_follow_a_bend():
     np.testing.assert_allclose(below, levels, atol=0.01)
     constant = 1.5 * np.log(2 * np.pi) + 2 * np.log(0.7)
     assert np.mean([one.log_evidence for one in found]) == pytest.approx(constant, abs=0.02)
+
+
+def test_a_proposal_that_bends_is_a_density_and_draws_from_it():
+    """In two dimensions: its integral by a grid, and its distribution function at six points."""
+    rng = np.random.default_rng(0)
+    x = rng.standard_normal((4000, 2))
+    x[:, 1] = 0.5 * x[:, 0] ** 2 + 0.3 * np.exp(0.4 * x[:, 0]) * x[:, 1]
+    around = Gaussian(x.mean(axis=0), np.linalg.cholesky(np.cov(x.T)))
+    for one in bent(x, np.full(4000, 1 / 4000), [around]):
+        at = np.stack(np.meshgrid(np.linspace(-15, 15, 801), np.linspace(-30, 60, 3001)), axis=-1)
+        cell = (30 / 800) * (90 / 3000)
+        density = np.exp(one.log_density(at.reshape(-1, 2))).reshape(at.shape[:2]) * cell
+        assert density.sum() == pytest.approx(1.0, abs=0.01)
+        drawn = one.draws(20_000, np.random.RandomState(0))
+        for end in [(0, 0), (0, 1), (1, 1), (-1, 1), (1, 0.2), (2, 3)]:
+            below = density[np.all(at <= end, axis=-1)].sum()
+            share = np.mean(np.all(drawn <= end, axis=1))
+            assert share == pytest.approx(below, abs=0.01 + 4 * np.sqrt(below * (1 - below) / 2e4))
 
 
 def two_modes(x):  # nine tenths around 0, one tenth around 20, in eight dimensions
