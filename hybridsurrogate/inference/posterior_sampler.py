@@ -161,10 +161,10 @@ def _improved(
 
 
 def _as_wide_as_priors(mode: Gaussian) -> Gaussian:
-    """Return proposals as the priors have them, as few as there may be; sigma as near a mode."""
+    """Return proposals as the priors have them, with sigma as near a mode."""
     mean, factor = np.zeros_like(mode.mean), np.eye(len(mode.mean))
     mean[-1], factor[-1, -1] = mode.mean[-1], np.linalg.norm(mode.factor[-1])
-    return Gaussian(mean, factor, -np.inf)
+    return Gaussian(mean, factor, float(np.log(SETTINGS.prior_proposed)))
 
 
 def _ridge_draws(

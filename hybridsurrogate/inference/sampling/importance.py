@@ -403,9 +403,9 @@ def growing_draws(
 ) -> ImportanceDraws:
     """Draw again through bends fitted to unreliable draws, with twice the proposals each round.
 
-    Until as many are effective as there are draws and their spread has settled. Along a narrow bend
-    each round reaches farther into the tails than the one before: draws of the weight-loss data
-    with intervals of half their width had a k-hat of 0.66.
+    Until as many are effective as there are draws and their spread has converged. Along a narrow
+    bend each round reaches farther into the tails than the one before: draws of the weight-loss
+    data with intervals of half their width had a k-hat of 0.66.
 
     Parameters
     ----------
@@ -415,7 +415,7 @@ def growing_draws(
         Each gets a proposal that bends, and a few as it is: there may be a peak on a plain.
         Weights near it have a separate k-hat.
     defence : Gaussian
-        Proposals as wide as the priors, a few in each round, which bound the weights of a heavy
+        Proposals as wide as the priors, some in each round, which bound the weights of a heavy
         tail (Hesterberg 1995, Technometrics 37:185).
     n_proposals : int
         Of the first round.
@@ -438,8 +438,8 @@ def growing_draws(
         weighted = _with_last(log_density, weighted, rounds, 0, modes)
         points, weight = weighted.points, weighted.weight
         before_it, spread = spread, np.sqrt(weight @ (points - weight @ points) ** 2)
-        settled = np.all(np.abs(spread - before_it) <= SETTINGS.settled * spread)
-        if settled and weighted.khat <= KHAT_LIMIT and weighted.effective >= n_draws:
+        converged = np.all(np.abs(spread - before_it) <= SETTINGS.converged_spread * spread)
+        if converged and weighted.khat <= KHAT_LIMIT and weighted.effective >= n_draws:
             break
     return _resampled(weighted, n_draws, random_state)
 

@@ -17,7 +17,10 @@ class SamplingSettings:
         Proposals for each draw that is kept, and at least: fewer do not estimate k-hat.
     enough_effective : float
         Draws of a smaller effective share are tried once more, from proposals that bend.
-    settled : float
+    prior_proposed : float
+        Share of these that the priors have, next to all others. At the least share of any proposal,
+        draws of a noise whose added part may be zero need an ensemble.
+    converged_spread : float
         Relative change of standard deviations between two rounds at which proposals that bend have
         reached the tails: without, those of 15 thin bends are 0.96 instead of 1.00 of the truth.
     evidence_starts : int
@@ -87,7 +90,8 @@ class SamplingSettings:
     oversampling: int = 3
     min_proposals: int = 1000
     enough_effective: float = 0.1
-    settled: float = 0.05
+    prior_proposed: float = 0.2
+    converged_spread: float = 0.05
     evidence_starts: int = 2
     good_khat: float = 0.3
     least_share: float = 1e-3

@@ -199,6 +199,13 @@ def test_khat_does_not_condemn_the_steps_of_a_plateau():
     assert inside.mean() == pytest.approx(mass / total, abs=4 * np.sqrt(3 * mass / 2000))
 
 
+@pytest.mark.parametrize("n", [1000, 20_000])
+def test_no_heavy_tail_passes_for_level(n):
+    """Of weights with k = 1 the largest is some n / 10 times the mean."""
+    rng = np.random.default_rng(n)
+    assert all(level_smooth(rng.exponential(size=n))[1] > 0.7 for _ in range(100))
+
+
 def test_weights_that_are_no_numbers_weigh_nothing():
     weights = np.random.RandomState(0).standard_normal(500)
     weights[7] = np.nan
