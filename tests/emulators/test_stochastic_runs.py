@@ -107,6 +107,56 @@ def test_a_run_is_left_out_with_its_repeats():
         np.testing.assert_allclose(one.left_out.sd[at[own]], sd, rtol=1e-3)
 
 
+def uneven(seed, ratio=10.0, n=80, repeats=3):
+    """Rows whose scatter grows by a factor over the rate."""
+    every = np.repeat(points(n, seed), repeats, axis=0)
+    sd = SD * ratio ** ((every[:, 1] - 0.6) / 0.8)
+    y = mean(*every.T) + sd * np.random.default_rng(seed).standard_normal(len(every))
+    return data(every[:, :1], every[:, 1:], y)
+
+
+@pytest.mark.parametrize("kind", ["kriging", "polynomial"])
+def test_a_scatter_that_changes_is_learned_where_repeats_show_it(kind):
+    """One number for all covers 100 % of single runs where they scatter least, 70 % where most."""
+    true = SD * 10 ** ((NEW["rate"].to_numpy() - 0.6) / 0.8)
+    low, high = true < np.quantile(true, 0.25), true > np.quantile(true, 0.75)
+    ratios, covered = [], []
+    for seed in range(4):
+        emulator = hs.Emulator(kind).fit(uneven(seed))
+        found, sd = emulator.predict(NEW, return_std=True)
+        _, of_one_run = emulator.predict(NEW, return_std=True, with_noise=True)
+        ratios.append(np.sqrt(of_one_run**2 - sd**2) / true)
+        runs = TRUE + true * np.random.default_rng(seed + 50).standard_normal(len(NEW))
+        covered.append(np.abs(runs - found) < 1.645 * of_one_run)
+    assert np.median(np.abs(np.log(ratios))) < 0.2
+    # four emulators of 75 rows each: a standard error of 0.02, more as rows share their emulator
+    for where in (low, high):
+        share = np.mean(np.array(covered)[:, where])
+        assert share > 0.78
+        # what a polynomial misses is the same everywhere, and more than the least scatter
+        assert kind == "polynomial" or share < 0.98
+
+
+def test_a_scatter_that_is_equal_everywhere_stays_so():
+    for seed in range(4):
+        emulator = hs.Emulator("kriging").fit(rows(seed))
+        both = (emulator.predict(NEW, True, with_noise=one)[1] for one in (True, False))
+        noise = np.sqrt(np.subtract(*(sd**2 for sd in both)))
+        np.testing.assert_allclose(noise, emulator.noise_, rtol=1e-6)
+
+
+def test_repeats_that_agree_in_places_are_no_error():
+    """Where the simulation is deterministic repeats are equal, and their variance has no log."""
+    every = uneven(0)
+    still = every.omega[:, 0] < 0.5
+    y = np.where(still, mean(*every.X.T, *every.omega.T), every.y)
+    emulator = hs.Emulator("kriging").fit(data(every.X, every.omega, y))
+    _, sd = emulator.predict(NEW, return_std=True)
+    _, of_one_run = emulator.predict(NEW, return_std=True, with_noise=True)
+    noise, rate = np.sqrt(of_one_run**2 - sd**2), NEW["rate"]
+    assert np.median(noise[rate < 0.4]) < 0.1 * np.median(noise[rate > 0.6])
+
+
 def test_repeats_of_single_rows_are_no_curves():
     every = rows(repeats=7)
     assert curves_of(every.X, every.omega, every.y) is None

@@ -248,8 +248,13 @@ class Conditioned(NamedTuple):
     centers: NDArray[np.intp] | slice = slice(None)
 
 
-def conditioned(matrix: FloatArray, nugget: float, residual: FloatArray) -> Conditioned:
-    """Return a process given runs with covariance (n, n) and outputs (n, k) less their mean."""
+def conditioned(
+    matrix: FloatArray, nugget: FloatArray | float, residual: FloatArray
+) -> Conditioned:
+    """Return a process given runs with covariance (n, n) and outputs (n, k) less their mean.
+
+    ``nugget`` is that of all, or of each (n,).
+    """
     n = len(residual)
     lower = nudged_cholesky((matrix + nugget * np.eye(n))[None])[0]
     whiten: FloatArray = solve_triangular(lower, np.eye(n), lower=True)
@@ -297,7 +302,7 @@ def condensed(matrix: FloatArray, nugget: float, residual: FloatArray) -> Condit
     return Conditioned(weights, known.T @ whiten, sd, *of_runs, order[:m])
 
 
-def weights_of(matrix: FloatArray, nugget: float, residual: FloatArray) -> FloatArray:
+def weights_of(matrix: FloatArray, nugget: FloatArray | float, residual: FloatArray) -> FloatArray:
     """Return the weights (n, k) of `conditioned` alone: a third of its time."""
     lower = nudged_cholesky((matrix + nugget * np.eye(len(residual)))[None])[0]
     return np.asarray(cho_solve((lower, True), residual))
