@@ -367,6 +367,12 @@ class KrigedCurves(Basis):
         """Return the part (n,) of `error` by which repeated runs differ."""
         return np.linalg.norm(self.emulator.realisation(X), axis=1)
 
+    def unrepeated(self, X: FloatArray) -> FloatArray:
+        """Return the part (n,) of `error` by which runs differ from those of near parameters."""
+        _, curves, _ = self.emulator.components.at(X[:, self.emulator.along])
+        size = np.sqrt(self.emulator.unrepeated)
+        return size * np.linalg.norm(curves * self.emulator.sd, axis=1)
+
     def noise(self, X: FloatArray) -> FloatArray:
         """Return the standard deviation of repeated runs, (n,)."""
         curves, rest = self.emulator.scatter(X)

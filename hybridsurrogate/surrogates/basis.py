@@ -264,6 +264,13 @@ class Basis(ABC):
         """
         return np.zeros(len(X))
 
+    def unrepeated(self, X: FloatArray) -> FloatArray:
+        """Return the part (n,) of `error` by which runs differ from those of near parameters.
+
+        A standard deviation; none where repeated runs show how much of that is noise.
+        """
+        return np.zeros(len(X))
+
     @property
     def with_features(self) -> Basis | None:
         """The same with the error in a few coefficients; None where these would be many."""

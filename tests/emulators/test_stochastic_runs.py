@@ -3,6 +3,7 @@
 import numpy as np
 import pandas as pd
 import pytest
+from few_kinds import all_but
 from scipy import stats
 from scipy.stats import qmc, uniform
 
@@ -183,6 +184,49 @@ def test_a_measured_system_is_one_run(step, verdicts):
     assert diagnosis.best_cause_.kind == ("step" if step else "none")
     check = diagnosis.emulator_check_
     assert check.left_open < 1 < check.scatter
+
+
+# few kinds, on purpose
+@pytest.mark.filterwarnings("ignore:At the measured rows:hybridsurrogate.DiagnosisWarning")
+def test_a_path_without_repeated_runs_is_no_discrepancy_but_open():
+    """A cycle was named with 80 % of the evidence, and a bump in the next set."""
+    few = all_but("step", "trend", "periodic", "bump", "offset")
+    for seed in (3, 4):
+        random = np.random.default_rng(seed)
+        t = np.sort(random.uniform(0.2, 9.8, 50))
+        y = mean(t, 0.5, 2.0) + path(t, 1, random)[0] + 0.03 * random.standard_normal(50)
+        model = hs.PowerScaledSurrogate(
+            curves(n=160, repeats=1), surrogate=hs.Kriging(), random_state=0
+        )
+        diagnosis = hs.DiscrepancyDiagnosis(
+            model, exclude=few, cv=None, n_replicates=50, random_state=0
+        ).fit(t[:, None], y)
+        assert diagnosis.best_cause_.kind == "none"
+        assert diagnosis.verdict_ == "undecided"
+        check = diagnosis.emulator_check_
+        assert check.needs_repeats
+        # in units of the noise: the path's size
+        assert 0.4 * SD < check.unrepeated * 0.03 < 2 * SD
+        assert "run some points twice" in str(diagnosis.report())
+        assert "next_runs" not in str(diagnosis.report())
+
+
+def test_jumps_between_runs_are_part_of_the_error():
+    """Intervals covered 76 %: what a run differs by from its neighbours counted as noise."""
+
+    def jumps(t, rate, level):
+        return np.exp(-rate * t) * (1 + 0.1 * np.floor(6 * level))
+
+    covered = []
+    for seed in range(4):
+        omega = points(80, seed, RANGES[1:])
+        every = hs.SimulationData.from_curves(
+            omega, jumps(T, omega[:, :1], omega[:, 1:]), along={"t": T}, parameters=PRIORS
+        )
+        emulator = hs.Emulator().fit(every)
+        found, sd = emulator.predict(NEW, return_std=True)
+        covered.append(np.abs(found - jumps(*NEW.to_numpy().T)) < 1.645 * sd)
+    assert 0.86 < np.mean(covered) < 0.98
 
 
 def test_rows_of_one_run_have_one_realisation():

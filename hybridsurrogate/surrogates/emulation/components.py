@@ -69,6 +69,11 @@ class Scatter(NamedTuple):
         return np.asarray(self.share * (np.sum(curves**2, axis=0) + of_rest))
 
     @property
+    def is_known(self) -> bool:
+        """Whether some runs are repeated."""
+        return self.share < 1
+
+    @property
     def directions(self) -> float:
         """How many of equal variance it has: the participation ratio, 0 of no scatter."""
         variance = np.append(np.sum(self.curves**2, axis=1), self.rest**2)

@@ -30,6 +30,7 @@ from hybridsurrogate.numerics.linear_algebra import (
 )
 from hybridsurrogate.surrogates.emulation.components import Components
 from hybridsurrogate.surrogates.emulation.covariance import (
+    LEAST_NUGGET,
     MOST_CURVES,
     LocalError,
     Places,
@@ -74,6 +75,8 @@ class CurveEmulator:
         Factors on the error where the runs show that it is larger.
     left_out : LeftOutRuns
         Runs that are left out.
+    repeated : bool
+        Whether some runs are repeated.
     """
 
     along: int | tuple[int, int]
@@ -85,6 +88,7 @@ class CurveEmulator:
     sd: FloatArray
     local: LocalError
     left_out: LeftOutRuns
+    repeated: bool
 
     def output(self, X: FloatArray, omega: FloatArray) -> FloatArray:
         """Return the most probable output for rows of inputs and parameters, (n,)."""
@@ -189,8 +193,18 @@ class CurveEmulator:
             coefficients[some] = alike @ self.weights
             white = alike @ self.whiten.T
             variance = places.variances() - np.einsum("ij,ij->i", white, white)
-            left[some] = np.sqrt(np.maximum(variance, 0.0)) * self.local.at(places.points)
+            variance = np.maximum(variance, 0.0) + self.unrepeated
+            left[some] = np.sqrt(variance) * self.local.at(places.points)
         return coefficients, left
+
+    @property
+    def unrepeated(self) -> float:
+        """Variance of what a run differs by from its neighbours, where none shows that it is noise.
+
+        In units of the process's. Without repeats it is open what a run at these parameters gives.
+        """
+        noise = self.process.covariance.nugget
+        return 0.0 if self.repeated else max(noise - LEAST_NUGGET, 0.0)
 
     def error(self, X: FloatArray, omega: FloatArray) -> FloatArray:
         """Return F (n, r): the covariance of the error at all these rows is F F'.
@@ -204,7 +218,7 @@ class CurveEmulator:
         if len(points) == 1:
             factor = self._given_runs(points)[1][:, None]
         else:
-            factor = _factor(self.covariance(points))
+            factor = _factor(self._of_one_run(points, X.shape[1] - np.size(self.along)))
         of_runs = (curves * self.sd)[:, :, None] * factor[group][:, None, :]
         of_places, rest = self._error_between(X, places, group, missed)
         scatter = self.realisation(X)
@@ -215,6 +229,13 @@ class CurveEmulator:
         if F.shape[1] <= len(X):
             return F
         return _factor(F @ F.T)
+
+    def _of_one_run(self, points: FloatArray, n_inputs: int) -> FloatArray:
+        """Return `covariance` of rows of one run each value of the inputs."""
+        run = distinct(points[:, :n_inputs])[1] if n_inputs else np.zeros(len(points))
+        local = self.local.at(self._places(points).points)
+        same = self.unrepeated * (run[:, None] == run)
+        return self.covariance(points) + same * local * local[:, None]
 
     def _error_between(
         self, X: FloatArray, places: Places, group: NDArray[np.intp], missed: FloatArray
@@ -338,4 +359,5 @@ def emulate_curves(
         given.sd,
         local,
         left_out,
+        curves.scatter.is_known,
     )

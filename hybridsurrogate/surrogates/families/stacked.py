@@ -111,6 +111,10 @@ class StackedBasis(Basis):
         """Return the scatter of each row's output between runs of a stochastic simulation."""
         return self._row_by_row(X, lambda k, rows, inputs: self.bases[k].scatter(inputs))
 
+    def unrepeated(self, X: FloatArray) -> FloatArray:
+        """Return by how much each row's output differs between runs of near parameters."""
+        return self._row_by_row(X, lambda k, rows, inputs: self.bases[k].unrepeated(inputs))
+
     @property
     def with_features(self) -> Basis | None:
         """Each with its features; None where one has none."""
