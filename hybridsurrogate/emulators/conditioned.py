@@ -133,7 +133,7 @@ def of_curves(basis: KrigedCurves, X: FloatArray, omega: FloatArray, y: FloatArr
     X, y, run = X[used], y[used], run[used]
     mean, curves, missed = emulator.components.at(X[:, emulator.along])
     mean = mean + np.einsum("nk,nk->n", curves, left.coefficients[run])
-    scatter = basis.noise(X) ** 2
+    scatter = basis.noise(X, omega[used]) ** 2
     # repeats are curves of their own, and the process's noise is that of their mean
     variance = left.variance - left.noise * bool(scatter.any())
     spread = np.maximum(variance, 0.0)[run] * np.sum((curves * emulator.sd) ** 2, axis=1)
@@ -363,9 +363,10 @@ class KrigedCurves(Basis):
         """Return the error of interpolation between simulated places, (n,)."""
         return self.emulator.between(X)
 
-    def scatter(self, X: FloatArray) -> FloatArray:
+    def scatter(self, X: FloatArray, omega: FloatArray) -> FloatArray:
         """Return the part (n,) of `error` by which repeated runs differ."""
-        return np.linalg.norm(self.emulator.realisation(X), axis=1)
+        usual = np.linalg.norm(self.emulator.realisation(X), axis=1)
+        return usual * self.emulator.size(X, omega)
 
     def unrepeated(self, X: FloatArray) -> FloatArray:
         """Return the part (n,) of `error` by which runs differ from those of near parameters."""
@@ -373,10 +374,10 @@ class KrigedCurves(Basis):
         size = np.sqrt(self.emulator.unrepeated)
         return size * np.linalg.norm(curves * self.emulator.sd, axis=1)
 
-    def noise(self, X: FloatArray) -> FloatArray:
+    def noise(self, X: FloatArray, omega: FloatArray) -> FloatArray:
         """Return the standard deviation of repeated runs, (n,)."""
         curves, rest = self.emulator.scatter(X)
-        return np.hypot(np.linalg.norm(curves, axis=1), rest)
+        return np.hypot(np.linalg.norm(curves, axis=1), rest) * self.emulator.size(X, omega)
 
     @property
     def with_features(self) -> CurveBasis:

@@ -6,13 +6,8 @@ import warnings
 from typing import Any, NamedTuple
 
 import numpy as np
-import pandas as pd
 from numpy.typing import ArrayLike
-from scipy.special import digamma, polygamma
 from sklearn.base import BaseEstimator
-from sklearn.exceptions import ConvergenceWarning
-from sklearn.gaussian_process import GaussianProcessRegressor
-from sklearn.gaussian_process.kernels import RBF, ConstantKernel
 from sklearn.utils.validation import check_is_fitted
 
 from hybridsurrogate.arguments import check_choice, check_flag, described
@@ -31,90 +26,13 @@ from hybridsurrogate.exceptions import ExtrapolationWarning
 from hybridsurrogate.simulation.simulation_data import SimulationData
 from hybridsurrogate.simulation.variables import as_matrix, check_finite
 from hybridsurrogate.surrogates.basis import Domain
+from hybridsurrogate.surrogates.emulation.components import Noise
 from hybridsurrogate.surrogates.emulation.covariance import MOST_RUNS, process_through
 from hybridsurrogate.surrogates.emulation.curve_emulator import emulate_curves
 from hybridsurrogate.surrogates.families.polynomial_chaos import PolynomialChaos
 from hybridsurrogate.types import FloatArray
 
 KINDS = ("auto", "kriging", "curves", "polynomial")
-
-
-# repeated runs that a changing noise is learned from, at random of more: time grows with their cube
-_MOST = 300
-# bounds of the variance of its log, where a low one is a constant, and of lengths in ranges
-_AMPLITUDES, _LENGTHS = (1e-5, 1e2), (0.2, 100.0)
-# of the pooled variance: repeats that agree have no logarithm
-_LEAST = 1e-4
-
-
-class Noise(NamedTuple):
-    """How far runs of equal inputs and parameters differ.
-
-    Attributes
-    ----------
-    sd : float
-        Pooled over all runs that are repeated; 0 where none is.
-    low, width : ndarray of shape (d,)
-        Ranges of the runs.
-    process : GaussianProcessRegressor or None
-        Of the log of the variance; None where it is equal everywhere.
-    level : float
-        Of the standard deviation, in units of the process's.
-    """
-
-    sd: float
-    low: FloatArray
-    width: FloatArray
-    process: Any = None
-    level: float = 1.0
-
-    @classmethod
-    def of(cls, points: FloatArray, y: FloatArray) -> Noise:
-        """Return what repeats at equal points (n, d) show, with outputs (n,).
-
-        The log of a variance of f degrees of freedom has a known mean and variance (Bartlett and
-        Kendall 1946, Journal of the Royal Statistical Society Supplement 8:128); over the points
-        it is a Gaussian process (Ankenman, Nelson and Staum 2010, Operations Research 58:371), its
-        amplitude, which may vanish, and its lengths at their most likely values.
-        """
-        table = pd.DataFrame(points)
-        keys = table.groupby([*table.columns]).ngroup().to_numpy()
-        groups = pd.Series(y).groupby(keys)
-        degrees = groups.size().to_numpy() - 1
-        low, width = points.min(axis=0), np.ptp(points, axis=0)
-        width[width == 0] = 1.0
-        repeated = np.flatnonzero(degrees)
-        squares = groups.var(ddof=0).to_numpy() * (degrees + 1)
-        if not len(repeated) or not squares.any():
-            return cls(0.0, low, width)
-        pooled = np.sum(squares) / np.sum(degrees)
-        some = np.random.default_rng(0).permutation(repeated)[:_MOST]
-        places = (table.groupby(keys).first().to_numpy()[some] - low) / width
-        half, variance = degrees[some] / 2, squares[some] / degrees[some]
-        log = np.log(np.maximum(variance / pooled, _LEAST)) - digamma(half) + np.log(half)
-        error = polygamma(1, half)
-        kernel = ConstantKernel(1.0, _AMPLITUDES) * RBF(np.ones(len(low)), _LENGTHS)
-        process = GaussianProcessRegressor(kernel, alpha=error, random_state=0)
-        with warnings.catch_warnings():  # an input of no influence has the longest length
-            warnings.simplefilter("ignore", ConvergenceWarning)
-            process.fit(places, log - np.average(log, weights=1 / error))
-        equal = cls(float(np.sqrt(pooled)), low, width)
-        # an amplitude and the lengths must pay for themselves (Akaike 1974, IEEE Transactions on
-        # Automatic Control 19:716)
-        constant = np.log([_AMPLITUDES[0], *np.ones(len(low))])
-        gain = process.log_marginal_likelihood_value_ - process.log_marginal_likelihood(constant)
-        if gain < len(constant):
-            return equal
-        found = equal._replace(process=process)
-        ratio = variance / found.at(places * width + low) ** 2
-        return found._replace(level=float(np.sqrt(np.average(ratio, weights=half))))
-
-    def at(self, points: FloatArray) -> FloatArray:
-        """Return the standard deviation (n,) at inputs and parameters (n, d)."""
-        if self.process is None:
-            return np.full(len(points), self.sd)
-        log, error = self.process.predict((points - self.low) / self.width, return_std=True)
-        return np.asarray(self.level * np.exp((log + error**2 / 2) / 2))
 
 
 class OneEmulator(NamedTuple):
@@ -136,7 +54,7 @@ class OneEmulator(NamedTuple):
     def scatter(self, X: FloatArray, omega: FloatArray) -> FloatArray:
         """Return the standard deviation of runs at inputs and parameters, (n,)."""
         if isinstance(self.basis, KrigedCurves):
-            return self.basis.noise(X)
+            return self.basis.noise(X, omega)
         return self.noise.at(np.hstack([X, omega]))
 
 
@@ -356,7 +274,7 @@ def _emulated(kind: str, runs: SimulationData, y: FloatArray) -> OneEmulator:
     )
     ranges = of_inputs, of_parameters
     points = np.hstack([X, omega])
-    noise = Noise.of(points, y)
+    noise = Noise.of_rows(points, y)
     names = tuple(runs.input_names), tuple(runs.parameter_ranges)
     location, scale = float(y.mean()), float(np.std(y)) or 1.0
     domain = Domain(of_inputs, of_parameters, location, scale, None, X, omega, y, *names)

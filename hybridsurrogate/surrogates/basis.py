@@ -257,7 +257,7 @@ class Basis(ABC):
         """
         return np.zeros(len(X))
 
-    def scatter(self, X: FloatArray) -> FloatArray:
+    def scatter(self, X: FloatArray, omega: FloatArray) -> FloatArray:
         """Return the part (n,) of `error` by which runs of a stochastic simulation differ.
 
         A standard deviation. More runs leave it as it is, and a measured system is one run.

@@ -164,9 +164,9 @@ class EmulatorCheck(NamedTuple):
             return f"Give the expected counts as runs, not rounded ones or draws, {itself}."
         if self.needs_repeats:
             return (
-                "Runs of near parameters differ by most of it. If the simulation draws random "
-                "numbers, run some points twice or more, such as 20 of them: how a run scatters is "
-                f"then no error. If it jumps, give many more runs, {itself}."
+                "Runs of near parameters differ by most of what is open. If the simulation draws "
+                "random numbers, run some points twice or more, such as 20 of them: how a run "
+                f"scatters is then no error. If it jumps, give many more runs, {itself}."
             )
         if not self.needs_places:
             return f"Give more runs, {itself}."
@@ -215,7 +215,8 @@ def check_emulator(result: Search, surrogate: Basis, runs: SimulationData) -> Em
     basis = problem.model.basis
     error = np.sum(basis.error(inputs, points) ** 2, axis=1)
     # causes that respond to the output stretch all alike
-    each = np.array([one(inputs) for one in (basis.scatter, basis.between, basis.unrepeated)])
+    parts = basis.scatter(inputs, points), basis.between(inputs), basis.unrepeated(inputs)
+    each = np.array(parts)
     scatter, between, near = left_open * np.minimum(each**2 / np.maximum(error, 1e-300), 1.0)
     squares = left_open - scatter, (missed / unit) ** 2, between, scatter, near
     rms = np.sqrt([np.mean(each) for each in squares]) / w.fit.sigma

@@ -118,7 +118,8 @@ class CurveEmulator:
         mean, curves, missed = self.components.at(X[:, self.along])
         output = mean + np.einsum("nk,nk->n", curves, coefficients[group])
         rest = np.hypot(missed, self.between(X))
-        spread = [left[group, None] * curves * self.sd, rest, self.realisation(X)]
+        scatter = self.realisation(X) * self.components.size.at(points)[group, None]
+        spread = [left[group, None] * curves * self.sd, rest, scatter]
         return output, np.column_stack(spread)
 
     def spread(self, X: FloatArray, omega: FloatArray) -> FloatArray:
@@ -142,11 +143,19 @@ class CurveEmulator:
         return distinct(np.hstack([np.delete(X, self.along, axis=1), omega]))[1]
 
     def scatter(self, X: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return S (n, q) and s (n,): runs at equal parameters differ by S S' + diag(s^2)."""
+        """Return S (n, q) and s (n,): runs at equal parameters differ by S S' + diag(s^2).
+
+        Where the scatter is of its usual size.
+        """
         return self.components.scatter(X[:, self.along])
 
+    def size(self, X: FloatArray, omega: FloatArray) -> FloatArray:
+        """Return how large the scatter is at rows of inputs and parameters, (n,): usually 1."""
+        points, group = self._points(X, omega)
+        return self.components.size.at(points)[group]
+
     def realisation(self, X: FloatArray) -> FloatArray:
-        """Return F (n, q): one measured run differs from the mean by F F'.
+        """Return F (n, q): one measured run differs from the mean by F F', at the usual size.
 
         Independent numbers are left to the noise of measured rows.
         """
@@ -174,7 +183,9 @@ class CurveEmulator:
         spread = np.empty((len(omega), len(X), k + 1 + scatter.shape[1]))
         np.multiply(left[:, None, None], curves * self.sd, out=spread[..., :k])
         spread[..., k] = np.hypot(missed, self.between(X))
-        spread[..., k + 1 :] = scatter
+        np.multiply(
+            self.components.size.at(omega)[:, None, None], scatter, out=spread[..., k + 1 :]
+        )
         return mean + coefficients @ curves.T, spread
 
     def _coefficients(self, points: FloatArray) -> FloatArray:
@@ -221,7 +232,8 @@ class CurveEmulator:
             factor = _factor(self._of_one_run(points, X.shape[1] - np.size(self.along)))
         of_runs = (curves * self.sd)[:, :, None] * factor[group][:, None, :]
         of_places, rest = self._error_between(X, places, group, missed)
-        scatter = self.realisation(X)
+        size = self.components.size.at(points)[group]
+        scatter = np.asarray(self.realisation(X) * size[:, None])
         run = distinct(np.delete(X, self.along, axis=1))[1]
         if scatter.shape[1] and run.any():
             scatter = _factor(scatter @ scatter.T * (run[:, None] == run))
