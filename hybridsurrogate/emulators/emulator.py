@@ -120,7 +120,7 @@ class Emulator(BaseEstimator):
     together, each with its noise in ``sd``. The log of the noise's variance is a process of its
     own, learned from the variances of the repeats; where a constant is as probable it is one. Runs
     of curves that are repeated differ by a curve,
-    whose covariance is pooled over all repeats; 40 more runs than there are different ones give it
+    whose covariance is pooled over all repeats, but for its size; 40 more runs than there are different ones give it
     well. From 1,000 runs
     the error on the borehole function (8 inputs) is 0.0007 of the output's standard deviation, 0.8
     times that of scikit-learn's ``GaussianProcessRegressor`` with a Matern 5/2 kernel, in a quarter

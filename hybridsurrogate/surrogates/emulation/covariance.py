@@ -276,27 +276,34 @@ def _left_out(
     return np.sqrt(variance), misses, weights / precision[:, None], precision
 
 
-def condensed(matrix: FloatArray, nugget: float, residual: FloatArray) -> Conditioned:
+def condensed(
+    matrix: FloatArray, nugget: float, residual: FloatArray, shares: FloatArray
+) -> Conditioned:
     """Return `conditioned` by fewer runs, where these give all others better than the nugget does.
+
+    The nugget of each run is that of all times its share (n,).
 
     All runs inform the weights of those few, as in the projected process of Rasmussen and Williams
     2006, equations 8.26 and 8.27: 500 of 2,000 curves of two parameters, a quarter of the time of
     a prediction, a sixteenth of that of its error.
     """
-    lower, order, m, _ = dpstrf(matrix, tol=_HUNDREDTH * nugget, lower=1)
+    lower, order, m, _ = dpstrf(matrix, tol=_HUNDREDTH * nugget * np.min(shares), lower=1)
     if 2 * m > len(matrix):
-        return conditioned(matrix, nugget, residual)
-    order, factor, one = order - 1, np.tril(lower[:, :m]), np.eye(m)
-    outputs = residual[order]
+        return conditioned(matrix, nugget * shares, residual)
+    order, one = order - 1, np.eye(m)
+    root = np.sqrt(shares[order, None])
+    # in units of each run's noise
+    factor, outputs = np.tril(lower[:, :m]) / root, residual[order] / root
     precision = cholesky(factor.T @ factor + nugget * one, lower=True)
     white = solve_triangular(precision, factor.T, lower=True)
     fit = white @ outputs
-    whiten = solve_triangular(factor[:m], one, lower=True)
+    whiten = solve_triangular(factor[:m] * root[:m], one, lower=True)
     weights = whiten.T @ solve_triangular(precision, fit, lower=True, trans=1)
     # of what few runs give, the share that is known; its eigenvalues go from _HUNDREDTH to 1
     known = cholesky(one - nugget * cho_solve((precision, True), one), lower=True)
     of_all = (outputs - white.T @ fit) / nugget, (1 - np.sum(white**2, axis=0)) / nugget
-    sd, misses, left_out, diagonal = _left_out(outputs, *of_all)
+    own = of_all[0] / root, of_all[1] / shares[order]
+    sd, misses, left_out, diagonal = _left_out(residual[order], *own)
     back = np.argsort(order)
     of_runs = misses[back], left_out[back], diagonal[back]
     return Conditioned(weights, known.T @ whiten, sd, *of_runs, order[:m])

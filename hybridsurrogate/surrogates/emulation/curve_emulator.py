@@ -232,8 +232,7 @@ class CurveEmulator:
             factor = _factor(self._of_one_run(points, X.shape[1] - np.size(self.along)))
         of_runs = (curves * self.sd)[:, :, None] * factor[group][:, None, :]
         of_places, rest = self._error_between(X, places, group, missed)
-        size = self.components.size.at(points)[group]
-        scatter = np.asarray(self.realisation(X) * size[:, None])
+        scatter: FloatArray = self.realisation(X) * self.components.size.at(points)[group, None]
         run = distinct(np.delete(X, self.along, axis=1))[1]
         if scatter.shape[1] and run.any():
             scatter = _factor(scatter @ scatter.T * (run[:, None] == run))
@@ -307,14 +306,14 @@ class LeftOutRuns(NamedTuple):
         Of their components, as all others predict them.
     variance : ndarray of shape (m,)
         Of these means and of a run's noise, in units of the process's.
-    noise : float
+    noise : ndarray of shape (m,)
         The part of it that is noise.
     """
 
     runs: NDArray[np.intp]
     coefficients: FloatArray
     variance: FloatArray
-    noise: float
+    noise: FloatArray
 
 
 def _factor(covariance: FloatArray) -> FloatArray:
@@ -355,12 +354,14 @@ def emulate_curves(
     process = process_through(None, ranges, empty, curves.others, coefficients)
     runs = process.some(empty, curves.others, coefficients)
     matrix = runs.places.alike(runs.places)
-    given = condensed(matrix, process.covariance.nugget, runs.residual)
-    local = LocalError.of(runs.places.points, given.misses)
     used = used_rows(len(coefficients), MOST_CURVES)
+    nugget, shares = process.covariance.nugget, components.size.at(curves.others[used]) ** 2
+    shares = shares / np.mean(shares)
+    given = condensed(matrix, nugget, runs.residual, shares)
+    local = LocalError.of(runs.places.points, given.misses)
     variance = local.at(runs.places.points) ** 2 / given.precision
     mean = coefficients[used] - given.left_out
-    left_out = LeftOutRuns(used, mean, variance, process.covariance.nugget)
+    left_out = LeftOutRuns(used, mean, variance, nugget * shares)
     return CurveEmulator(
         curves.along,
         components,
