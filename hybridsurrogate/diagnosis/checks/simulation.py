@@ -113,7 +113,7 @@ class EmulatorCheck(NamedTuple):
         one run: the comparisons of the search count it, ``left_open`` does not.
     unrepeated : float
         The part of ``left_open`` by which runs that are curves differ from those of near
-        parameters: noise of a stochastic simulation, or jumps. Repeated runs tell these apart.
+        parameters: noise of a stochastic simulation, or jumps; repeated runs distinguish them.
     """
 
     left_open: float
