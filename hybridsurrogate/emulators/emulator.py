@@ -119,11 +119,10 @@ class Emulator(BaseEstimator):
     Williams 2006, section 5.4.2; Dubrule 1983, Mathematical Geology 15:687): repeats of a run
     together, each with its noise in ``sd``. The log of the noise's variance is a process of its
     own, learned from the variances of the repeats; where a constant is as probable it is one. Runs
-    of curves that are repeated differ by a curve,
-    whose covariance is pooled over all repeats, but for its size; 40 more runs than there are different ones give it
-    well. From 1,000 runs
-    the error on the borehole function (8 inputs) is 0.0007 of the output's standard deviation, 0.8
-    times that of scikit-learn's ``GaussianProcessRegressor`` with a Matern 5/2 kernel, in a quarter
+    of curves that are repeated differ by a curve, whose covariance is pooled over all repeats, but
+    for its size; 40 more runs than there are different ones give it well. From 1,000 runs the error
+    on the borehole function (8 inputs) is 0.0007 of the output's standard deviation, 0.8 times that
+    of scikit-learn's ``GaussianProcessRegressor`` with a Matern 5/2 kernel, in a quarter
     of its time.
 
     Examples

@@ -21,6 +21,7 @@ from hybridsurrogate.model.problem import Problem
 from hybridsurrogate.model.statistics import emulator_posterior
 from hybridsurrogate.numerics.digits import number
 from hybridsurrogate.simulation.arrays import is_whole
+from hybridsurrogate.simulation.outputs import OUTPUT
 from hybridsurrogate.simulation.simulator import SimulationData
 from hybridsurrogate.surrogates import Kriging
 from hybridsurrogate.surrogates.basis import Basis, Surrogate
@@ -225,7 +226,8 @@ def check_emulator(result: Search, surrogate: Basis, runs: SimulationData) -> Em
     outside = np.sum((low > X) | (high < X), axis=0).tolist()
     beyond = {name: k for name, k in zip(runs.input_names, outside, strict=True) if k}
     of_runs = basis.of_runs(np.arange(float(inputs.shape[1]))[None])[0]
-    along = [name for k, name in enumerate(runs.input_names) if k not in of_runs]
+    names = [name for k, name in enumerate(runs.input_names) if k not in of_runs]
+    along = [name for name in names if name != OUTPUT]
     rounding = None
     if problem.likelihood.means_as_runs and is_whole(runs.y):
         errors = problem.likelihood.rounding(outputs[0])
