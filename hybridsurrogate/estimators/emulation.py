@@ -40,12 +40,12 @@ from hybridsurrogate.types import FloatArray
 _SLOW, _MOST_TIMED, _GAIN_OF_MANY = 1e-3, 256, 0.6
 # sets that a fit asks for: 3,400 to 6,700 with one to five parameters
 _SETS_OF_A_FIT = 5000
-# runs for each dimension (Loeppky, Sacks and Welch 2009, Technometrics 51:366), and at least
-_RUNS_EACH, _LEAST_RUNS = 10, 20
+# runs for each dimension (Loeppky, Sacks and Welch 2009, Technometrics 51:366)
+_RUNS_EACH = 10
 # places of a run: those that were measured, at most so many, and so many evenly over the range
 _MOST_PLACES, _EVEN_PLACES = 200, 25
-# rounds of further runs, in shares of the first ones, while more of the noise is left open
-_ROUNDS, _SHARE, _OPEN = 8, 0.25, 0.1
+# rounds of further runs, half as many as the first ones, while more of the noise is left open
+_ROUNDS, _MOST_LEFT_OPEN = 4, 0.1
 # seconds of which the user is warned before
 LONG = 150.0
 
@@ -113,13 +113,15 @@ def emulated(estimator: E, data: MeasuredData) -> E | None:
     simulator = estimator.simulation
     if estimator.surrogate is not None or not isinstance(simulator, Simulator):
         return None
+    if not simulator.parameter_ranges:
+        return None
     likelihood = estimator.checked_settings()[1]
     inputs = data.X[data.weights > 0][:, : len(simulator.input_names)]
     seconds = seconds_a_set(simulator, inputs)
     if seconds < _SLOW:
         return None
     places = _places(simulator, inputs[:, 0])
-    n_first = max(_LEAST_RUNS, _RUNS_EACH * (len(simulator.parameter_ranges) + inputs.shape[1] - 1))
+    n_first = _RUNS_EACH * (len(simulator.parameter_ranges) + inputs.shape[1] - 1)
     each = max(1.0, len(places) / len(inputs))
     if n_first * each > _SETS_OF_A_FIT:
         return None
@@ -136,9 +138,9 @@ def emulated(estimator: E, data: MeasuredData) -> E | None:
             fitted.fit_data(data.simulated_by(runs))
         rows = data.distinct
         found = left_open(posterior_of_simulation(fitted), rows.X, rows.weights)
-        if found < _OPEN or not left:
+        if found < _MOST_LEFT_OPEN or not left:
             break
-        further = _further(fitted, simulator, max(1, round(_SHARE * n_first)), random)
+        further = _further(fitted, simulator, n_first // 2, random)
         runs = _possible(_with_further(runs, simulator, further, places), likelihood)
     for warning in caught:
         warnings.warn(warning.message, warning.category, stacklevel=3)
