@@ -125,7 +125,7 @@ class WorkingPoint:
         The likelihood's second parameter there.
     draws : ndarray of shape (S,)
         Draws of that parameter, for replicates.
-    factor : ndarray of shape (n,) or float, default=1.0
+    factor : ndarray of shape (n,)
         On that parameter in each row.
     """
 
@@ -133,7 +133,7 @@ class WorkingPoint:
     eta: FloatArray
     sigma: float
     draws: FloatArray
-    factor: FloatArray | float = 1.0
+    factor: FloatArray
 
     def response(self, y: FloatArray) -> FloatArray:
         """Return the working response of measured values (..., n)."""

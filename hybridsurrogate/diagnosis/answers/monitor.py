@@ -33,8 +33,9 @@ from hybridsurrogate.numerics.linear_algebra import LARGE_BLOCK, blocks
 from hybridsurrogate.simulation.arrays import as_numbers, complete_table
 from hybridsurrogate.types import FloatArray
 
-# prior standard deviations of a shift, and factors of a wider spread, in those of the prediction
-_SHIFTS, _SPREADS = (1.0, 3.0), (2.0, 4.0)
+# prior standard deviation of a shift, and factor of a wider spread, in those of the prediction: a
+# mixture with 3 and 4 sees shifts of 0.5 to 4 and factors of 1.5 to 8 later
+_SHIFT, _SPREAD = 1.0, 2.0
 # share of the draws: they are made anew, with the measurements so far, where they are worth fewer
 _LEAST_SHARE = 0.25
 # values of each draw, for the quantile under a likelihood that is not normal
@@ -254,7 +255,7 @@ def log_odds(z: FloatArray) -> tuple[FloatArray, NDArray[np.intp]]:
     """Return the log odds of a change against none after each deviation, and where it began.
 
     With prior probability 1 / (k (k + 1)) it begins at the k-th; from there the deviations are
-    shifted, by a normal of one of two widths, or wider, by one of two factors.
+    shifted, by a normal number, or wider.
 
     Parameters
     ----------
@@ -271,19 +272,16 @@ def log_odds(z: FloatArray) -> tuple[FloatArray, NDArray[np.intp]]:
     k = np.arange(1, n + 1)
     prior = -np.log(k) - np.log(k + 1)
     odds, began = np.empty(n), np.empty(n, dtype=np.intp)
-    for some in blocks(n, n * (len(_SHIFTS) + len(_SPREADS))):
+    for some in blocks(n, 2 * n):
         t = k[some][:, None]
         count = t - k + 1
         possible = count > 0
         count = np.maximum(count, 0)
         moved, square = total[t] - total[k - 1], squares[t] - squares[k - 1]
-        ways = [
-            -0.5 * np.log1p(count * s**2) + 0.5 * s**2 * moved**2 / (1 + count * s**2)
-            for s in _SHIFTS
-        ]
-        ways += [0.5 * square * (1 - s**-2) - count * np.log(s) for s in _SPREADS]
-        most = np.max(ways, axis=0)
-        ratio = most + np.log(np.mean(np.exp(ways - most), axis=0))
+        width = 1 + count * _SHIFT**2
+        shifted = 0.5 * (_SHIFT**2 * moved**2 / width - np.log(width))
+        wider = 0.5 * square * (1 - _SPREAD**-2) - count * np.log(_SPREAD)
+        ratio = np.logaddexp(shifted, wider) - np.log(2)
         terms = np.where(possible, prior + ratio, -np.inf)
         # it may begin later: the rest of the prior
         later = -np.log(t[:, 0] + 1)

@@ -103,23 +103,23 @@ class EmulatorCheck(NamedTuple):
     between : float
         The part of ``left_open`` that lies between the places of runs that are curves: finer places
         close it, and more runs do not.
+    scatter : float
+        By how much repeated runs of a stochastic simulation differ as curves. A measured system is
+        one run: the comparisons of the search count it, ``left_open`` does not.
     along : str or None
         The input along which runs are curves; of fields both.
     rounding : float or None
         What rounding to whole numbers takes from an expected count at the measured rows, where runs
         of counts are whole numbers; None where they are not.
-    scatter : float
-        By how much repeated runs of a stochastic simulation differ as curves. A measured system is
-        one run: the comparisons of the search count it, ``left_open`` does not.
     """
 
     left_open: float
     missed: float
     beyond: dict[str, int]
-    between: float = 0.0
+    between: float
+    scatter: float
     along: str | None = None
     rounding: float | None = None
-    scatter: float = 0.0
 
     @property
     def hidden(self) -> float:
@@ -215,8 +215,8 @@ def check_emulator(result: Search, surrogate: Basis, runs: SimulationData) -> Em
         errors = problem.likelihood.rounding(outputs[0])
         rounding = float(np.sqrt(np.mean((errors / unit) ** 2)))
     left_open, missed, between, scatter = rms.tolist()
-    of_curves = between, " and ".join(along) or None
-    return EmulatorCheck(left_open, missed, beyond, *of_curves, rounding, scatter)
+    names = " and ".join(along) or None
+    return EmulatorCheck(left_open, missed, beyond, between, scatter, names, rounding)
 
 
 def cautions_of_failures(runs: object, posterior: Posterior, X: FloatArray) -> list[Caution]:

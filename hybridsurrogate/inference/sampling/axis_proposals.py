@@ -104,7 +104,7 @@ def ridge_through(target: Target, mode: Gaussian) -> Ridge | None:
     whole[position, position] = np.sqrt(share @ (even - mean[position]) ** 2)
     whole[np.ix_(others, others)] = factor[np.abs(s - mean[position]).argmin()]
     curve = CubicSpline(s, np.array([node.x for node in path]))
-    return Ridge(position, curve, Gaussian(mean, whole))
+    return Ridge(position, curve, Gaussian(mean, whole, 0.0))
 
 
 class _Node(NamedTuple):

@@ -152,7 +152,7 @@ class Gaussian:
 
     mean: FloatArray
     factor: FloatArray
-    log_mass: float = 0.0
+    log_mass: float
 
 
 # length of difference steps in standard deviations: five times as long for an approximation that is
