@@ -220,7 +220,7 @@ def left_open(posterior: Posterior, X: FloatArray, weights: FloatArray) -> float
     float
         Root mean square over rows and draws.
     """
-    some = posterior.take(np.linspace(0, posterior.n_draws - 1, 50).astype(int))
+    some = posterior.thinned()
     X = X[weights > 0]
     features = some.model.simulated(X, some.values)[1]
     open_ = np.sum((features * some.model.basis.coefficient_sd) ** 2, axis=-1)

@@ -30,6 +30,8 @@ LEAST_EFFECTIVE = 10.0
 # draws that suffice for a mean, for the best of them, for a start, for averages over less probable
 # causes, and for scores whose difference counts: at many weights, or without one row
 FEW_DRAWS = 200
+# and for an average over them of what takes long at each, over runs and rows
+SOME_DRAWS = 50
 
 
 @dataclass(frozen=True)
@@ -237,6 +239,10 @@ class Posterior:
             if owner == effect
         }
         return theta, coefficients
+
+    def thinned(self, most: int = SOME_DRAWS) -> Posterior:
+        """Return the posterior with so many of its draws at most, evenly spaced."""
+        return self.take(np.linspace(0, self.n_draws - 1, min(self.n_draws, most)).astype(int))
 
     def estimates(self, effect: int) -> dict[str, FloatArray]:
         """Return the draws that one cause reports, in the user's units."""

@@ -9,33 +9,44 @@ from numpy.typing import NDArray
 
 from hybridsurrogate.types import FloatArray
 
-# RODAS of Hairer and Wanner (1996, section IV.7), order 4, stiffly accurate: stages
+# RODAS of Hairer and Wanner (1996, section IV.7), order 4, stiffly accurate
 _GAMMA = 0.25
-_A = (
-    (),
-    (1.544,),
-    (0.9466785280815826, 0.2557011698983284),
-    (3.314825187068521, 2.896124015972201, 0.9986419139977817),
-    (1.221224509226641, 6.019134481288629, 12.53708332932087, -0.6878860361058950),
-    (1.221224509226641, 6.019134481288629, 12.53708332932087, -0.6878860361058950, 1.0),
-)
-_C = (
-    (),
-    (-5.6688,),
-    (-2.430093356833875, -0.2063599157091915),
-    (-0.1073529058151375, -9.594562251023355, -20.47028614809616),
-    (7.496443313967647, -10.24680431464352, -33.99990352819905, 11.70890893206160),
+# of each stage: its place in a step, the share of the slope over time, factors of the stages before
+# it in the state and in the slope
+_STAGES: tuple[tuple[float, float, tuple[float, ...], tuple[float, ...]], ...] = (
+    (0.0, 0.25, (), ()),
+    (0.386, -0.1043, (1.544,), (-5.6688,)),
     (
-        8.083246795921522,
-        -7.981132988064893,
-        -31.52159432874371,
-        16.31930543123136,
-        -6.058818238834054,
+        0.21,
+        0.1035,
+        (0.9466785280815826, 0.2557011698983284),
+        (-2.430093356833875, -0.2063599157091915),
+    ),
+    (
+        0.63,
+        -0.0362,
+        (3.314825187068521, 2.896124015972201, 0.9986419139977817),
+        (-0.1073529058151375, -9.594562251023355, -20.47028614809616),
+    ),
+    (
+        1.0,
+        0.0,
+        (1.221224509226641, 6.019134481288629, 12.53708332932087, -0.6878860361058950),
+        (7.496443313967647, -10.24680431464352, -33.99990352819905, 11.70890893206160),
+    ),
+    (
+        1.0,
+        0.0,
+        (1.221224509226641, 6.019134481288629, 12.53708332932087, -0.6878860361058950, 1.0),
+        (
+            8.083246795921522,
+            -7.981132988064893,
+            -31.52159432874371,
+            16.31930543123136,
+            -6.058818238834054,
+        ),
     ),
 )
-# where its stages are in a step, and what they take of the slope over time
-_AT = (0.0, 0.386, 0.21, 0.63, 1.0, 1.0)
-_BY_TIME = (0.25, -0.1043, 0.1035, -0.0362, 0.0, 0.0)
 # and what is between two steps
 _BETWEEN = (
     (
@@ -192,7 +203,7 @@ def _step(
     except np.linalg.LinAlgError:
         return state, np.full_like(state, np.inf), []
     stages: list[FloatArray] = []
-    for a, c, at, part in zip(_A, _C, _AT, _BY_TIME, strict=True):
+    for at, part, a, c in _STAGES:
         at_stage = state + _sum(a, stages) if a else state
         right = slope(t + at * h, at_stage, which) if a else first
         if c:

@@ -38,7 +38,7 @@ from hybridsurrogate.types import FloatArray
 _VALUES, _VALUES_BEYOND = 24, 8
 # places along a column, and the share of the most information from which one is as good
 _N_PLACES, _AS_GOOD = 60, 0.98
-# places of a batch to choose from where none are given, and simulated batches: expected
+# places of a batch or of runs to choose from where none are given, and simulated batches: expected
 # information is estimated to about 0.02 bits
 _MOST_PLACES, _BATCHES = 400, 500
 
@@ -394,10 +394,6 @@ def _mutual(
     return np.maximum(weight @ gained, 0.0) / np.log(2)
 
 
-# draws of each posterior, places of them that count
-_DRAWS, _PLACES = 60, 500
-
-
 def next_runs(
     result: Search,
     posteriors: Sequence[Posterior],
@@ -442,8 +438,8 @@ def next_runs(
     inputs, omega = (np.concatenate(parts) for parts in zip(*asked, strict=True))
     kept = basis.of_runs(np.arange(float(inputs.shape[1]))[None])[0].astype(int).tolist()
     runs = np.unique(np.hstack([inputs[:, kept], omega]), axis=0)
-    if len(runs) > _PLACES:
-        runs = runs[np.random.default_rng(0).choice(len(runs), _PLACES, replace=False)]
+    if len(runs) > _MOST_PLACES:
+        runs = runs[np.random.default_rng(0).choice(len(runs), _MOST_PLACES, replace=False)]
     names = [*simulation.input_names, *simulation.parameter_ranges]
     points = np.zeros((len(runs), len(names)))
     points[:, [*kept, *range(inputs.shape[1], len(names))]] = runs
@@ -459,8 +455,7 @@ def _models(
     """Return models and draws of their values: of posteriors, and best fits of alternatives."""
     out: list[tuple[MeasuredModel, FloatArray]] = []
     for posterior in posteriors:
-        rows = np.unique(np.linspace(0, posterior.n_draws - 1, _DRAWS).astype(int))
-        out.append((posterior.model, posterior.values[rows]))
+        out.append((posterior.model, posterior.thinned().values))
     for w, probability in zip(result.candidates, result.probability, strict=True):
         if probability > LEAST_PROBABLE:
             out.append((w.fit.model, w.fit.values))

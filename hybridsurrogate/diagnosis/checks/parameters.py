@@ -272,8 +272,7 @@ def _correlation(a: FloatArray, b: FloatArray) -> float:
 
 def _curve(before: Posterior, after: Posterior, position: int, X: FloatArray) -> FloatArray:
     """Return what one cause adds to eta at rows X, averaged over draws, (n,)."""
-    index = np.linspace(0, after.n_draws - 1, min(after.n_draws, FEW_DRAWS)).astype(int)
-    draws, model = after.take(index), after.model
+    draws, model = after.thinned(FEW_DRAWS), after.model
     others = [effect for k, effect in enumerate(model.effects) if k != position]
     theta = np.array([owner != position for owner, _ in model.theta_names], dtype=bool)
     columns = np.array([owner != position for owner, _ in model.column_names], dtype=bool)

@@ -71,8 +71,6 @@ def warn_if_slow(problem: Problem, n_folds: int | None = None) -> None:
     )
 
 
-# draws of a posterior at which failures are predicted
-_DRAWS = 50
 # more than the noise hides, in its standard deviations; measured rows mend some of what is missed
 MOST_OPEN, MOST_MISSED = 1.0, 2.0
 # of runs that are whole numbers: 24 nats of a jump were lost where they left 0.35 open, and
@@ -223,7 +221,7 @@ def cautions_of_failures(runs: object, posterior: Posterior, X: FloatArray) -> l
     """Return a caution where most runs at the measured rows would fail, over the posterior."""
     if not isinstance(runs, SimulationData) or not len(runs.failed):
         return []
-    some = posterior.take(np.linspace(0, posterior.n_draws - 1, _DRAWS).astype(int))
+    some = posterior.thinned()
     places = some.model.places(X[:, : len(some.model.columns)], some.values)
     share = float(np.mean(Failures.of(runs).probability(np.hstack(places))))
     if share < SETTINGS.half:

@@ -42,9 +42,6 @@ from hybridsurrogate.numerics.linear_algebra import one_blas_thread
 from hybridsurrogate.simulation.arrays import as_numbers, complete_table
 from hybridsurrogate.types import FloatArray
 
-# draws from the priors for one at which the simulation runs
-_MOST_TRIED = 50
-
 
 def places(
     model: PowerScaledSurrogate,
@@ -113,7 +110,7 @@ def _outputs(
     c = emulator_posterior(model.basis, problem.simulation).mean
     sequence = qmc.Sobol(max(d, 1), rng=np.random.default_rng(random.randint(2**31 - 1)))
     out: list[FloatArray] = []
-    for _ in range(_MOST_TRIED):
+    for _ in range(FEW_DRAWS):
         u = sequence.random(2 ** int(np.ceil(np.log2(n))))[:, :d]
         values = model.values(ndtri(np.clip(u, 1e-6, 1 - 1e-6)))
         with np.errstate(over="ignore", invalid="ignore", divide="ignore"):

@@ -24,6 +24,7 @@ from hybridsurrogate.effects.base import Cause
 from hybridsurrogate.inference.evidence.grid import Grid, make_grid, with_cells
 from hybridsurrogate.inference.evidence.linearised import Linearised, linearised_pieces
 from hybridsurrogate.model.observation import MeasuredModel
+from hybridsurrogate.model.posterior import FEW_DRAWS
 from hybridsurrogate.numerics.linear_algebra import LARGE_BLOCK, blocks
 from hybridsurrogate.types import FloatArray
 
@@ -101,8 +102,6 @@ def output_of(parts: Linearised, z: FloatArray) -> FloatArray:
     return np.asarray(parts.mean + parts.G[:, :, : len(z)] @ z)
 
 
-# draws of a cause's shape at a place
-_SHAPES = 256
 # parameters that follow more of a curve than this leave nothing to detect
 _LEAST_LEFT = 0.1
 # how far a parameter is moved at most, in standard deviations of its prior
@@ -181,15 +180,15 @@ def shapes_of(place: Place, cause: Cause, random: np.random.RandomState) -> Shap
 def _drawn(model: MeasuredModel, grid: Grid, random: np.random.RandomState) -> Grid:
     """Return the grid with draws of its coordinates from their prior in place of its nodes."""
     weight = np.exp(grid.log_weight - np.logaddexp.reduce(grid.log_weight))
-    index = random.choice(len(weight), _SHAPES, p=weight / weight.sum())
+    index = random.choice(len(weight), FEW_DRAWS, p=weight / weight.sum())
     cells, points = grid.edges[index], grid.points[index]
     for k, position in enumerate(grid.nodes if not grid.exact else ()):
         prior = model.priors[position]
         below, above = prior.cdf(cells[:, k, 0]), prior.cdf(cells[:, k, 1])
-        within = prior.ppf(below + (above - below) * random.uniform(size=_SHAPES))
+        within = prior.ppf(below + (above - below) * random.uniform(size=FEW_DRAWS))
         points[:, k] = np.clip(within, cells[:, k, 0], cells[:, k, 1])
     edges = np.repeat(points[:, :, None], 2, axis=2)
-    return with_cells(grid, edges, np.full(_SHAPES, -np.log(_SHAPES)))
+    return with_cells(grid, edges, np.full(FEW_DRAWS, -np.log(FEW_DRAWS)))
 
 
 def _shapes(
