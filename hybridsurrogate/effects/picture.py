@@ -11,10 +11,6 @@ from hybridsurrogate.likelihoods.student_t import log_shape
 from hybridsurrogate.simulation.variables import MOST_LEVELS
 from hybridsurrogate.types import FloatArray
 
-# curves of one picture: a choice of presentation
-_N_DRAWS = 5
-# draws from the bulk of the prior: the tails of a Cauchy prior would flatten all others
-_BULK = (0.15, 0.85)
 # of outliers, so many standard deviations are drawn
 _FAR = 15.0
 
@@ -50,8 +46,9 @@ def plot_cause(cause: Cause, context: Context, ax: Axes | None = None) -> Axes:
     for other in cause.reads[1:]:
         # a product is zero at the middle of the other column: draw it at the upper end
         rows[other] = np.full(len(x), np.max(context.X[other]))
-    shares = np.random.RandomState(0).uniform(*_BULK, (_N_DRAWS, len(cause.parameters)))
-    weights = np.random.RandomState(1).standard_normal((_N_DRAWS, len(cause.coefficients)))
+    # five curves, from the bulk of the prior: the tails of a Cauchy prior would flatten all others
+    shares = np.random.RandomState(0).uniform(0.15, 0.85, (5, len(cause.parameters)))
+    weights = np.random.RandomState(1).standard_normal((len(shares), len(cause.coefficients)))
     label = "change"
     for share, weight in zip(shares, weights, strict=True):
         theta = {

@@ -33,6 +33,7 @@ from hybridsurrogate.numerics.linear_algebra import (
 from hybridsurrogate.simulation.simulator import SimulationData
 from hybridsurrogate.surrogates.basis import Basis
 from hybridsurrogate.surrogates.emulation.covariance import (
+    MOST_DENSE,
     LocalError,
     Places,
     Process,
@@ -208,10 +209,6 @@ def fit_linear(
 
 # the rest of a variance when its factor has enough columns, in shares of the median
 _NEGLIGIBLE = 1e-4
-# rows whose whole covariance is sooner made than the columns that are asked for
-_FEW = 600
-# runs that an error takes: its time grows with their square
-MOST_OPEN = 1000
 
 
 @dataclass(frozen=True)
@@ -286,7 +283,8 @@ class KrigedBasis(Basis):
         # at a steep end of a range variances can be a million times those elsewhere
         typical = float(np.median(diagonal)) if len(diagonal) else 0.0
         least = max(_NEGLIGIBLE * typical, 1e-12 * float(np.max(diagonal, initial=0.0)))
-        if len(X) <= _FEW:
+        # sooner made than the columns that are asked for
+        if len(X) <= MOST_DENSE:
             square = places.alike(places) - white @ white.T
             return pivoted_factor(square * sd * sd[:, None], least)
 
@@ -481,7 +479,7 @@ def through_runs(
     X: FloatArray,
     omega: FloatArray,
     run_eta: FloatArray,
-    most_open: int = MOST_OPEN,
+    most_open: int = MOST_DENSE,
 ) -> KrigedBasis:
     """Return a process with a trend, conditioned on runs of one output.
 

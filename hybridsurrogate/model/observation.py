@@ -22,8 +22,8 @@ from hybridsurrogate.simulation.simulator import Simulator
 from hybridsurrogate.surrogates.basis import Basis, Factors
 from hybridsurrogate.types import FloatArray, Prior
 
-# runs kept at a time, and the numbers in the rows of one
-_MOST_KEPT, _LARGEST_KEPT = 64, 20_000
+# places of which runs or slopes are kept at a time, and the numbers in the rows of one run
+MOST_KEPT, _LARGEST_KEPT = 64, 20_000
 
 
 class TransformedSimulation:
@@ -35,7 +35,7 @@ class TransformedSimulation:
 
     def __init__(self, simulator: Simulator, likelihood: Likelihood):
         self.simulator, self.likelihood = simulator, likelihood
-        self._kept = lru_cache(_MOST_KEPT)(self._run_of_bytes)
+        self._kept = lru_cache(MOST_KEPT)(self._run_of_bytes)
         # inputs and parameters (1, k) of the first row without an output
         self._failed: tuple[FloatArray, FloatArray] | None = None
 

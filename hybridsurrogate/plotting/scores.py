@@ -158,8 +158,6 @@ SCORES = {
 }
 # lines of other models
 _LINES = ("-.", ":", (0, (5, 1)), (0, (1, 3)))
-# what is worse than this leaves the view: nats below the best ELPD, times the best RMSE
-_FAR_ELPD, _FAR_RATIO = 8.0, 30.0
 
 
 def plot_scores_over_beta(
@@ -226,11 +224,12 @@ def _plot_schemes(ax: Axes, table: pd.DataFrame, score: str, more: bool) -> None
         ax.plot(beta[best], line[best], "o", ms=size, mfc="none", color=style.colour)
     ax.set_xlim(-0.04, 1.04)
     best, worst = (table[score].max(), table[score].min())[:: 1 if more else -1]
+    # what is 8 nats a row or 30 times worse than the best leaves the view
     if more:
-        ax.set_ylim(bottom=max(float(ax.get_ylim()[0]), best - _FAR_ELPD))
+        ax.set_ylim(bottom=max(float(ax.get_ylim()[0]), best - 8))
     elif best > 0 and worst > 5 * best:
         ax.set_yscale("log")
-        ax.set_ylim(0.8 * best, 1.25 * min(worst, _FAR_RATIO * best))
+        ax.set_ylim(0.8 * best, 1.25 * min(worst, 30 * best))
         ax.yaxis.set_major_locator(ticker.LogLocator(subs=(1, 2, 5)))
         ax.yaxis.set_major_formatter("{x:g}")
         ax.yaxis.set_minor_formatter(ticker.NullFormatter())

@@ -27,8 +27,6 @@ RUN = "run"
 _NETCDF = (".nc", ".nc4", ".cdf")
 # schemes that Python fetches itself
 _FETCHED = ("http", "https", "ftp")
-# seconds without an answer
-_PATIENCE = 60.0
 # characters of what a library or a program says when it fails
 LONGEST = 300
 _SPREADSHEETS = (".xlsx", ".xls", ".xlsm", ".ods")
@@ -112,7 +110,7 @@ def _fetched(address: str, folder: Path) -> Path:
 
 def _opened(address: str, scheme: str) -> Any:
     if scheme in _FETCHED:
-        return urlopen(address, timeout=_PATIENCE)
+        return urlopen(address, timeout=60.0)
     try:
         fsspec = import_module("fsspec")
     except ImportError:

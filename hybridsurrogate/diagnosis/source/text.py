@@ -17,8 +17,6 @@ from hybridsurrogate.types import FloatArray
 
 # of a line of code: a choice of presentation
 WIDTH = 88
-# digits of a default beyond those of its interval: rounding is no part of the error
-_DIGITS = 6
 # what modules call things themselves, and what is hard to read
 RESERVED = re.findall(
     r"\w+",
@@ -98,7 +96,8 @@ def estimate(draws: FloatArray) -> tuple[str, str]:
     low, high = (float(end) for end in np.quantile(draws, [0.05, 0.95]))
     if not high > low:
         return text_of(mean), ""
-    digits = min(digits_at(mean, high - low, _DIGITS), 17)
+    # six digits beyond those of its interval: rounding is no part of the error
+    digits = min(digits_at(mean, high - low, 6), 17)
     ends = re.search(r"\((.*)\)", interval(mean, low, high))
     return text_of(float(f"{mean:.{digits}g}")), f"90 %: {ends.group(1)}" if ends else ""
 

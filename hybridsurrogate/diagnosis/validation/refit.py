@@ -101,8 +101,8 @@ def excluded_rows(search: Search, w: Candidate) -> tuple[GrossRow, ...]:
     )
 
 
-# enough for scores whose own standard error is that of a handful of rows
-FOLD_DRAWS, FOLD_STEPS = 400, 1000
+# of an ensemble: enough for scores whose own standard error is that of a handful of rows
+_FOLD_STEPS = 1000
 
 
 class Pair(NamedTuple):
@@ -142,7 +142,7 @@ class Refit:
         y_err: FloatArray | None = None,
     ) -> Pair:
         """Return the models before and after for these rows."""
-        draws = min(int(self.estimator.n_draws), FOLD_DRAWS)
+        draws = min(int(self.estimator.n_draws), 2 * FEW_DRAWS)
         task = prepared(clone(self.estimator).set_params(n_draws=draws), X, y, weights, y_err)
         before = quickly_fitted(task, self.fitted.before)
         settings = self.settings
@@ -200,7 +200,7 @@ def quickly_fitted(task: FitTask, near: PowerScaledSurrogate | None = None) -> P
     if quick.diagnostics_.khat <= KHAT_LIMIT:
         return quick
     # an ensemble that has not converged by then warns
-    return task.with_settings(sampler=EnsembleSampler(max_steps=FOLD_STEPS)).fit()
+    return task.with_settings(sampler=EnsembleSampler(max_steps=_FOLD_STEPS)).fit()
 
 
 def coarsely_fitted(

@@ -16,12 +16,11 @@ import pandas as pd
 from numpy.typing import NDArray
 from scipy.interpolate import make_interp_spline
 
+from hybridsurrogate.numerics.linear_algebra import NEGLIGIBLE
 from hybridsurrogate.types import FloatArray
 
 # what the components leave of the spread of all curves, and how many there are at most
 LEFT, _MOST_COMPONENTS = 1e-3, 40
-# of the variance of repeated runs, what is left to the noise of single rows
-_HUNDREDTH = 0.01
 
 
 class Between(Protocol):
@@ -214,7 +213,9 @@ def scatter_of(
     left = np.cumsum(size[::-1] ** 2)[::-1]
     directions = n_places - np.arange(len(size))
     larger = size**2 > left / directions * _by_chance(directions, degrees)
-    q = int(np.sum(np.cumprod(larger & (left > _HUNDREDTH * left[0]))[:_MOST_COMPONENTS]))
+    # what is left of fewer curves than these is rounding
+    larger &= left > NEGLIGIBLE * left[0]
+    q = int(np.sum(np.cumprod(larger)[:_MOST_COMPONENTS]))
     share = np.sum(1 / by_run.size()) + n_runs - by_run.ngroups
     rest = np.sqrt(np.sum((size[q:, None] * curves[q:]) ** 2, axis=0))
     factor = np.sqrt(degrees / max(degrees - q - 1, 1))

@@ -36,11 +36,11 @@ from hybridsurrogate.types import FloatArray
 # the covariance is learned from at most so many runs, drawn at random, as files of runs are often
 # in order (of runs that are curves fewer: each is as much as hundreds of rows), and the process is
 # conditioned on at most so many
-_LEARN, _LEARN_CURVES, MOST_RUNS, MOST_CURVES = 500, 200, 5000, 2000
-# of the outputs' spread, to which runs are predicted. And of the nugget: where others leave no more
-# of a run it is none of those that a prediction is made of. Of 2,000 curves the mean then moved by
-# at most 0.07 of its error, which is the same; at a tenth by one and a half of them
-_HUNDREDTH = 0.01
+_LEARNED_ROWS, _LEARNED_RUNS, MOST_RUNS, MOST_CURVES = 500, 200, 5000, 2000
+# rows or columns of a covariance that is formed whole, at most: its time grows with their square
+MOST_DENSE = 1000
+# of a spread, or of a nugget: what is less is none of what is looked for
+_MINOR = 0.01
 
 
 class Places(NamedTuple):
@@ -190,7 +190,7 @@ def process_through(
     noise : float, default=0.0
         Least standard deviation of what differs from run to run, such as rounding.
     """
-    chosen = used_rows(len(eta), _LEARN if eta.ndim == 1 else _LEARN_CURVES)
+    chosen = used_rows(len(eta), _LEARNED_ROWS if eta.ndim == 1 else _LEARNED_RUNS)
     X, omega = X[chosen], omega[chosen]
     mean, terms = np.zeros(len(X)), np.empty((len(X), 0))
     if trend is not None:
@@ -278,7 +278,10 @@ def condensed(matrix: FloatArray, nugget: float, residual: FloatArray) -> Condit
     2006, equations 8.26 and 8.27: 500 of 2,000 curves of two parameters, a quarter of the time of
     a prediction, a sixteenth of that of its error.
     """
-    lower, order, m, _ = dpstrf(matrix, tol=_HUNDREDTH * nugget, lower=1)
+    # where others leave no more of a run, it is none of those that a prediction is made of: of
+    # 2,000 curves the mean then moved by at most 0.07 of its error, which is the same; at a tenth
+    # of a nugget by one and a half of them
+    lower, order, m, _ = dpstrf(matrix, tol=_MINOR * nugget, lower=1)
     if 2 * m > len(matrix):
         return conditioned(matrix, nugget, residual)
     order, factor, one = order - 1, np.tril(lower[:, :m]), np.eye(m)
@@ -600,7 +603,7 @@ def _left_out_density(
     weights, diagonal = whiten.T @ (whiten @ residual), np.sum(whiten**2, axis=0)
     squares = weights**2 / diagonal[:, None]
     variance = np.maximum(np.sum(residual * weights, axis=0), np.sum(squares, axis=0)) / n
-    spread = variance / diagonal[:, None] + (_HUNDREDTH * np.std(residual, axis=0)) ** 2
+    spread = variance / diagonal[:, None] + (_MINOR * np.std(residual, axis=0)) ** 2
     missed = (weights / diagonal[:, None]) ** 2 / spread
     return float(-0.5 * np.sum(counts * (np.log(spread) + missed)))
 

@@ -31,6 +31,7 @@ from hybridsurrogate.numerics.linear_algebra import (
 from hybridsurrogate.surrogates.emulation.components import Components
 from hybridsurrogate.surrogates.emulation.covariance import (
     MOST_CURVES,
+    MOST_DENSE,
     LocalError,
     Places,
     Process,
@@ -46,9 +47,6 @@ from hybridsurrogate.surrogates.emulation.curves import (
 )
 from hybridsurrogate.surrogates.emulation.fields import field_of
 from hybridsurrogate.types import FloatArray
-
-# columns of the error of interpolation at most, of which the residual shares one
-_MOST_COLUMNS = 1000
 
 
 @dataclass(frozen=True, eq=False)
@@ -236,7 +234,7 @@ class CurveEmulator:
                 return own * own[k] * along * alike
 
             least = max(NEGLIGIBLE * float(np.max(own**2)), float(np.mean(missed**2)))
-            some, _ = pivoted_cholesky(own**2, column, least, _MOST_COLUMNS)
+            some, _ = pivoted_cholesky(own**2, column, least, MOST_DENSE)
             factor = np.zeros((len(X), some.shape[1]))
             factor[off] = some
         left = np.maximum(sd**2 - np.sum(factor**2, axis=1), 0.0)

@@ -13,12 +13,11 @@ from hybridsurrogate.surrogates.emulation.between_places import (
     degree_of,
 )
 from hybridsurrogate.surrogates.emulation.components import LEFT, Curves, principal, scatter_of
+from hybridsurrogate.surrogates.emulation.covariance import MOST_DENSE
 from hybridsurrogate.types import FloatArray
 
 # rows are curves where there are so many runs at least and so many rows a run on average
 LEAST_RUNS, LEAST_ROWS = 8, 5
-# places of a common grid, at most, where each run has its own
-_MOST_PLACES = 1000
 # rounds in which missing pieces of curves are filled in from the components
 _ROUNDS = 10
 
@@ -105,7 +104,7 @@ def _on_one_grid(
                 table[k] = _interpolated(places[there], table[k, there], places)
         return places, table, gaps & ~np.isnan(table)
     # each run has its own places: as many as a run has, where their quantiles are
-    n = min(2 * int(np.median(rows_a_run)), _MOST_PLACES)
+    n = min(2 * int(np.median(rows_a_run)), MOST_DENSE)
     grid = np.unique(np.quantile(places, np.linspace(0, 1, n)))
     table = np.array([_interpolated(own, y[0], grid) for own, y in _runs(x, run, eta)])
     return grid, table, ~np.isnan(table)
