@@ -85,11 +85,13 @@ def _approximations(
 ) -> tuple[list[Gaussian], list[Gaussian], bool]:
     """Return the modes that matter, what is proposed around all, and whether along lines."""
     best = found[0].log_mass
-    minor = [mode for mode in found if mode.log_mass > best + np.log(SETTINGS.least_share)]
+    minor = [mode for mode in found if mode.log_mass > best + np.log(SETTINGS.min_mode_share)]
     lines = with_lines(target, minor)
     best = max(line.mode.log_mass for line in lines)
     modes = [
-        line.mode for line in lines if line.mode.log_mass > best + np.log(SETTINGS.least_proposed)
+        line.mode
+        for line in lines
+        if line.mode.log_mass > best + np.log(SETTINGS.min_proposal_share)
     ]
     proposals = [proposal for line in lines for proposal in line.proposals]
     return modes, proposals, any(line.position is not None for line in lines)
@@ -136,7 +138,7 @@ def _improved(
     random_state: np.random.RandomState,
 ) -> tuple[ImportanceDraws, list[Gaussian]]:
     """Return better importance draws where few count: along a ridge, or from a larger batch."""
-    scarce = sampled.effective_draws < SETTINGS.enough_effective * n
+    scarce = sampled.effective_draws < SETTINGS.min_effective_share * n
     few = sampled.khat > KHAT_LIMIT or scarce
     # draws of a Gaussian on a bent ridge look good where all of them lie close to its middle; with
     # many that count and a heavy tail there is none
@@ -144,7 +146,7 @@ def _improved(
     thin = scarce or elongation(minor[0]) > SETTINGS.ridge_elongation
     if adapted and thin and not has_lines and target.n_dimensions > 2:
         along = _ridge_draws(target, minor, n, n_draws, random_state)
-        if along is not None and along.khat > SETTINGS.good_khat:
+        if along is not None and along.khat > SETTINGS.adapted_khat:
             # the optimiser may have stopped beside a ridge as narrow as its steps resolve
             points = along.proposals.points
             best = points[[int(np.argmax(target.search_density(points)))]]
@@ -153,7 +155,7 @@ def _improved(
             along = along if better is None or better.khat > along.khat else better
         if along is not None and along.khat <= KHAT_LIMIT:
             sampled, modes = along, modes[:1]
-            few = sampled.effective_draws < SETTINGS.enough_effective * n
+            few = sampled.effective_draws < SETTINGS.min_effective_share * n
     if few:
         # one large batch of better proposals costs less than the many steps of an ensemble
         weight = np.full(n_draws, 1 / n_draws)
@@ -174,7 +176,7 @@ def _like_prior(wide: Gaussian) -> Gaussian:
     """
     mean, factor = np.zeros_like(wide.mean), np.eye(len(wide.mean))
     mean[-1], factor[-1, -1] = wide.mean[-1], np.linalg.norm(wide.factor[-1])
-    return Gaussian(mean, factor, wide.log_mass + np.log(SETTINGS.prior_proposed))
+    return Gaussian(mean, factor, wide.log_mass + np.log(SETTINGS.prior_proposal_share))
 
 
 def _ridge_draws(

@@ -244,9 +244,11 @@ def confounded(table: pd.DataFrame) -> pd.DataFrame:
     hardly better known than before the data: where both are known well in spite of the
     correlation, the data did separate them.
     """
-    correlated = table["correlation"].abs() >= SETTINGS.most
+    correlated = table["correlation"].abs() >= SETTINGS.nearly_all
     return table[
-        correlated & (table["width"] >= SETTINGS.half) & (table["absorbed"] >= SETTINGS.half)
+        correlated
+        & (table["width"] >= SETTINGS.majority)
+        & (table["absorbed"] >= SETTINGS.majority)
     ]
 
 

@@ -55,7 +55,7 @@ def warn_if_slow(problem: Problem, n_folds: int | None = None) -> None:
     """
     each = seconds_a_run(problem)
     folds = 0 if n_folds is None else n_folds
-    sets = SETTINGS.runs_of_a_search * (1 + SETTINGS.cost_of_a_fold * folds)
+    sets = SETTINGS.search_runs * (1 + SETTINGS.fold_share * folds)
     if each * sets < LONG:
         return
     thousands = round(sets, -3)
@@ -224,7 +224,7 @@ def cautions_of_failures(runs: object, posterior: Posterior, X: FloatArray) -> l
     some = posterior.thinned()
     places = some.model.places(X[:, : len(some.model.columns)], some.values)
     share = float(np.mean(Failures.of(runs).probability(np.hstack(places))))
-    if share < SETTINGS.half:
+    if share < SETTINGS.majority:
         return []
     return [
         Caution(
@@ -254,7 +254,7 @@ def warn_if_rough(problem: Problem) -> None:
     # a simulation that fails all around its best fit has no jumps to speak of
     jump = float(np.sqrt(np.sum(second**2) / max(6 * second.size, 1)))
     noise = float(np.std(problem.y - best[0]))
-    if not jump > SETTINGS.large_jump * noise:
+    if not jump > SETTINGS.jump_share * noise:
         return
     warnings.warn(
         f"The simulation is rough: its output jumps by about {number(jump, 2)} where parameters "

@@ -187,7 +187,7 @@ def _backfitted(steps: Sequence[SearchStep], causes: Sequence[Cause]) -> list[Se
         return out
     joint = out[named[-1]]
     stale = set(named[:-1])
-    for k in named * SETTINGS.rounds:
+    for k in named * SETTINGS.alternation_rounds:
         if k not in stale:
             continue
         found = _without(out[k].chosen, joint, causes)
@@ -293,7 +293,7 @@ def _look_ahead(
     order = [at, *(int(k) for k in np.argsort(-explained) if k != at)]
     named = [k for k in order if not ends_search(result.candidates[k])]
     position = {id(result.candidates[k].cause): k for k in named}
-    waiting = named[: SETTINGS.looked_ahead]
+    waiting = named[: SETTINGS.max_pair_searches]
     if (
         not ends_search(first_choice)
         # alone in its credible set
@@ -305,7 +305,7 @@ def _look_ahead(
         waiting = [at]
     elsewhere = _pairs_elsewhere(result, causes, named, nearby)
     if elsewhere:
-        within = max(elsewhere.values()) - SETTINGS.behind
+        within = max(elsewhere.values()) - SETTINGS.pruning_margin
         waiting = [k for k in waiting if k == at or elsewhere.get(k, np.inf) > within]
     in_doubt = len(waiting) > 1
     made: dict[int, Search] = {}
@@ -317,7 +317,7 @@ def _look_ahead(
         alone = log_prior[k] + first.log_evidence
         # where all is explained, there is nothing to place in addition to the first
         left = in_doubt or second.probability[0] < 0.5
-        within = max(values.values(), default=-np.inf) - SETTINGS.behind
+        within = max(values.values(), default=-np.inf) - SETTINGS.pruning_margin
         if left and alone + _evidence_of_others(second) > within:
             known = _nearby(second.problem.model, _others(causes, first), nearby)
             second = placed_together(result, first, second, known)

@@ -66,7 +66,7 @@ def _best(result: Search, w: Candidate) -> Fitted:
     if not np.isfinite(w.fit.mode.objective):
         return w.fit
     # of expectation and maximisation
-    for _ in range(SETTINGS.rounds):
+    for _ in range(SETTINGS.alternation_rounds):
         ratios, sigma = _updated(result, w)
         model, grid, mode, _ = w.fit
         model = _with_ratios(model, ratios)
@@ -157,7 +157,7 @@ def _given_noise(result: Search, nearby: Search | None) -> Search:
         if nearby is None or nearby.probability[k] * nearby.correlated[k] > LEAST_PROBABLE
     ]
     out = list(result.candidates)
-    for k in sorted(able, key=lambda k: -value[k])[: SETTINGS.most_compared]:
+    for k in sorted(able, key=lambda k: -value[k])[: SETTINGS.max_compared]:
         evidence = _with_process(result, out[k], bases)
         out[k] = out[k]._replace(log_evidence_with_noise=evidence)
     return replace(result, candidates=out)
@@ -213,10 +213,10 @@ def _of_neighbours(parts: Linearised, places: FloatArray, nodes: FloatArray) -> 
 
     The columns of a process are many, and change slowly with its length.
     """
-    if len(places) <= SETTINGS.lengths_with_process:
+    if len(places) <= SETTINGS.grouped_lengths:
         return parts
     density, chosen, weight = nodes - parts.log_weight, [], []
-    for group in np.array_split(np.argsort(places), SETTINGS.lengths_with_process):
+    for group in np.array_split(np.argsort(places), SETTINGS.grouped_lengths):
         mass = np.logaddexp.reduce(parts.log_weight[group])
         mean = np.logaddexp.reduce(nodes[group]) - mass
         chosen.append(group[np.argmin(np.abs(density[group] - mean))])

@@ -130,9 +130,9 @@ def _once(context: SearchContext, model: MeasuredModel, grid: Grid, null: Fitted
     better = best_of_global_starts(*args, grid, null.mode.z, mode.z, NEGLIGIBLE * null.sigma)
     if better is not None:
         mode = context.optimise(model, grid, better, sigma)
-    for _ in range(SETTINGS.looks):
+    for _ in range(SETTINGS.probing_rounds):
         before, sigma = sigma, context.noise_of(mode, sigma)
-        if not sigma < SETTINGS.much_closer * before:
+        if not sigma < SETTINGS.refit_noise_ratio * before:
             break
         # kept at the priors by the noise of a poor fit, an optimisation ends short of a good one
         mode = context.optimise(model, grid, mode.z, sigma)
@@ -156,13 +156,15 @@ def _far_behind(
     # could not be followed at all gets its other starting points, too
     of_any_shape = [any(e.kind == "unexplained" for e in fit.model.effects[-1:]) for fit in fits]
     weight = np.where(np.isfinite(reached), reached + log_prior, -np.inf)
-    enough = float(np.max(weight[~np.array(of_any_shape)], initial=-np.inf)) - SETTINGS.behind
+    enough = (
+        float(np.max(weight[~np.array(of_any_shape)], initial=-np.inf)) - SETTINGS.pruning_margin
+    )
     behind = weight < enough
     for k in map(int, np.flatnonzero(behind & np.isfinite(reached))):
         if len(fits[k].grid.nodes):
             missed = _between_nodes(context, fits[k], scans[k], sizes)
             # what gains so much without an optimisation may gain as much again by one
-            behind[k] = weight[k] + missed < enough and missed < SETTINGS.behind
+            behind[k] = weight[k] + missed < enough and missed < SETTINGS.pruning_margin
     return np.where(behind & np.isfinite(reached), reached, np.nan)[1:], enough
 
 
@@ -172,8 +174,8 @@ def _between_nodes(
     """Return how many nats more a finer grid around the best nodes reaches, not optimised."""
     density = nodes - fit.grid.log_weight
     coarse = float(density.max())
-    for _ in range(SETTINGS.looks):
-        index = np.argsort(-density)[: SETTINGS.looked_between]
+    for _ in range(SETTINGS.probing_rounds):
+        index = np.argsort(-density)[: SETTINGS.probed_nodes]
         best = fit.grid.at(index)
         finer = refine(fit.model, best, density[index] + best.log_weight)
         if finer is best:
@@ -373,7 +375,7 @@ def _within_reach(nearby: Search, causes: Sequence[Cause]) -> NDArray[np.intp]:
         log_share = np.log(nearby.probability[1:])
     best = np.max(log_share, initial=-np.inf)
     always = np.array([cause.is_process or cause.is_correlated_noise for cause in causes])
-    return np.flatnonzero(always | (log_share > best - SETTINGS.behind))
+    return np.flatnonzero(always | (log_share > best - SETTINGS.pruning_margin))
 
 
 def _compare(

@@ -281,6 +281,6 @@ def main_directions(problem: MeasuredGiven, z: FloatArray, sigma: float) -> Meas
     v, axes = problem.draws.principal
     seen, turn = np.linalg.eigh(axes.T @ (features.T @ features) @ axes)
     left_out = np.sqrt(np.cumsum(np.maximum(seen, 0.0)) / max(len(features), 1))
-    turned = turn[:, left_out > SETTINGS.output_left_out * sigma]
+    turned = turn[:, left_out > SETTINGS.output_truncation * sigma]
     model = replace(model, basis=model.basis.along(axes @ turned))
     return replace(problem, model=model, c=v @ turned)

@@ -282,7 +282,7 @@ def _weighted(
         From the proposals' coordinates to u, and the log of the volume.
     """
     components = [first, *others]
-    for round_ in range(SETTINGS.few + 1):
+    for round_ in range(SETTINGS.few_rounds + 1):
         points = mixture_points(components, n, random_state)
         u, log_volume = plain(points)
         log_proposal = mixture_log_density(components, points) - log_volume
@@ -291,8 +291,8 @@ def _weighted(
         log_weight = log_density - log_proposal[:, None]
         share = node_shares(log_weight)
         khat, effective = quality(log_weight, share, 25)
-        enough = effective > SETTINGS.enough_effective * n and khat <= KHAT_LIMIT
-        if enough or round_ == SETTINGS.few:
+        enough = effective > SETTINGS.min_effective_share * n and khat <= KHAT_LIMIT
+        if enough or round_ == SETTINGS.few_rounds:
             break
         components = [moment_match(points, share.mean(axis=1), first), *others]
         if round_:

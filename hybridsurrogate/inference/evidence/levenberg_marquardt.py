@@ -74,7 +74,7 @@ def best_of_spread(
     z = np.random.RandomState(0).standard_normal((_WIDE, model.n_unknowns))
     residual = _Residual(model, X, y, emulator, floor)
     value = residual.deviance(residual(z), z)
-    starts = z[np.argsort(value)[: SETTINGS.nodes_followed]]
+    starts = z[np.argsort(value)[: SETTINGS.max_followed]]
     return _descend(residual, starts, np.arange(model.n_unknowns))
 
 
@@ -120,7 +120,7 @@ def best_of_global_starts(
         return None  # nodes are enumerated, and sizes are followed from each
     wide = _WIDE if is_rough else _ON_LINE
     if is_rough and model.basis.is_quick:
-        wide = int(np.clip(LARGE_BLOCK // len(y), _WIDE, SETTINGS.widest_population))
+        wide = int(np.clip(LARGE_BLOCK // len(y), _WIDE, SETTINGS.max_population))
     # a fixed spread of parameters, size and nodes, those of earlier causes held: the search is
     # deterministic
     random = np.random.RandomState(0)
@@ -132,7 +132,7 @@ def best_of_global_starts(
     z = np.vstack([known, line, spread])
     value = np.concatenate([deviance(known[None]), along, deviance(spread)])
     if is_rough:
-        followed = z[np.argsort(value)[: SETTINGS.nodes_followed]]
+        followed = z[np.argsort(value)[: SETTINGS.max_followed]]
         end, _ = _descend(residual, followed, np.concatenate([grid.fixed, grid.sizes, grid.nodes]))
         z, value = np.vstack([z, end]), np.append(value, deviance(end[None]))
     best = int(np.argmin(value))
@@ -149,7 +149,7 @@ def _starts(model: MeasuredModel, grid: Grid, centre: FloatArray) -> FloatArray:
     # of the waves of a process the first, which are the largest: all corners would be a million
     moved = grid.sizes[:_MOVED]
     T, k = len(grid.points), len(moved)
-    most = min(T, SETTINGS.nodes_followed * 2 ** max(k - 1, 0))
+    most = min(T, SETTINGS.max_followed * 2 ** max(k - 1, 0))
     chosen = np.unique(np.linspace(0, T - 1, most).round().astype(int))
     # one standard deviation to either side; of a cause without sizes one row without columns
     moves = np.array(list(product([-1.0, 1.0], repeat=k)))
@@ -233,7 +233,7 @@ def _descend(
         trial_badness = residual.deviance(trial_rest, trial)
         better = trial_badness < deviance
         best = int(np.argmin(np.minimum(deviance, trial_badness)))
-        converged = better[best] and deviance[best] - trial_badness[best] < SETTINGS.gain_converged
+        converged = better[best] and deviance[best] - trial_badness[best] < SETTINGS.converged_gain
         z[better], rest[better], slopes[better] = (
             trial[better],
             trial_rest[better],
@@ -243,7 +243,7 @@ def _descend(
         damping = np.where(better, 0.2, 6.0) * damping
         if converged:
             break
-        if step % SETTINGS.steps_a_round == SETTINGS.steps_a_round - 1 and len(z) > 2:
+        if step % SETTINGS.halving_steps == SETTINGS.halving_steps - 1 and len(z) > 2:
             kept = np.argsort(deviance)[: (len(z) + 1) // 2]
             z, rest, slopes = z[kept], rest[kept], slopes[kept]
             deviance, damping = deviance[kept], damping[kept]

@@ -429,4 +429,4 @@ def _odds_of_places(model: MeasuredModel, grid: Grid, H: FloatArray) -> FloatArr
     total = np.maximum(np.sum(w, axis=1), np.finfo(float).tiny)
     w /= total[:, None]
     carrying = 1 / np.maximum(np.einsum("tn,tn->t", w, w), 1 / w.shape[1])
-    return np.where(carrying < SETTINGS.few_rows, np.log(SETTINGS.few_rows_odds), 0.0)
+    return np.where(carrying < SETTINGS.isolated_rows, np.log(SETTINGS.isolated_odds), 0.0)

@@ -477,18 +477,18 @@ def optimise(
         here, move, deviance = _solve(parts, y, grid, proposal, sigma, size)
         promised = here.objective - float((deviance + 2 * parts.log_weight)[here.node])
         here = here._replace(node=int(followed[here.node]))
-        if costly and len(followed) > SETTINGS.nodes_followed and np.isfinite(here.objective):
-            index = np.argsort(deviance)[: SETTINGS.nodes_followed]
+        if costly and len(followed) > SETTINGS.max_followed and np.isfinite(here.objective):
+            index = np.argsort(deviance)[: SETTINGS.max_followed]
             followed, grid, columns = followed[index], grid.at(index), columns.at(index)
         if not np.isfinite(here.objective):
             if best is None:
                 return here
             step *= 0.3
-        elif best is None or here.objective < best.objective - SETTINGS.gain_converged:
+        elif best is None or here.objective < best.objective - SETTINGS.converged_gain:
             gain = np.inf if best is None else best.objective - here.objective
             best, point, target, step = here, proposal, move, 1.0
             # where the linear model promises nothing no shorter step is tried: 60 % of all steps
-            if gain < SETTINGS.gain_converged or promised < SETTINGS.gain_converged:
+            if gain < SETTINGS.converged_gain or promised < SETTINGS.converged_gain:
                 break
         else:
             step *= 0.3

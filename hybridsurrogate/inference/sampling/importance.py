@@ -88,7 +88,7 @@ def mixture_log_density(components: list[Gaussian], points: FloatArray) -> Float
 
 def _shares(components: list[Gaussian]) -> FloatArray:
     mass = np.array([g.log_mass for g in components])
-    least = min(SETTINGS.least_proposed, 0.5 / len(components))
+    least = min(SETTINGS.min_proposal_share, 0.5 / len(components))
     share = np.maximum(np.exp(mass - np.logaddexp.reduce(mass)), least)
     return share / share.sum()
 
@@ -98,11 +98,11 @@ def matched(points: FloatArray, weight: FloatArray, components: list[Gaussian]) 
     share = _responsible(points, weight, components)
     mass = share.sum(axis=1)
     moved = [
-        moment_match(points, own / m, g) if m > SETTINGS.least_share else g
+        moment_match(points, own / m, g) if m > SETTINGS.min_mode_share else g
         for own, m, g in zip(share, mass, components, strict=True)
     ]
     return [
-        replace(g, log_mass=float(np.log(max(m, SETTINGS.least_share))))
+        replace(g, log_mass=float(np.log(max(m, SETTINGS.min_mode_share))))
         for g, m in zip(moved, mass, strict=True)
     ]
 
@@ -111,17 +111,17 @@ def slices(points: FloatArray, weight: FloatArray, components: list[Gaussian]) -
     """Return proposals along each component: slices of its points across their longest axis."""
     out = []
     for own, g in zip(_responsible(points, weight, components), components, strict=True):
-        if own.sum() <= SETTINGS.least_share:
+        if own.sum() <= SETTINGS.min_mode_share:
             continue
         axis = np.linalg.eigh(g.factor @ g.factor.T)[1][:, -1]
         order = np.argsort(points @ axis)
         part = np.minimum(
-            SETTINGS.few * np.cumsum(own[order]) / own.sum(), SETTINGS.few - 1
+            SETTINGS.few_rounds * np.cumsum(own[order]) / own.sum(), SETTINGS.few_rounds - 1
         ).astype(int)
-        for k in range(SETTINGS.few):
+        for k in range(SETTINGS.few_rounds):
             inside = order[part == k]
             m = own[inside].sum()
-            if m > SETTINGS.least_share:
+            if m > SETTINGS.min_mode_share:
                 one = moment_match(points[inside], own[inside] / m, g)
                 out.append(replace(one, log_mass=float(np.log(m))))
     return out
@@ -212,7 +212,7 @@ def importance_draws(
     scale, target = 1.0, np.empty(0)
     mixed: FloatArray = np.empty(0)
     # with coefficients among the unknowns each value is optimised: what can be trusted is enough
-    good = KHAT_LIMIT if n_noise else SETTINGS.good_khat
+    good = KHAT_LIMIT if n_noise else SETTINGS.adapted_khat
     for round_ in range(max_rounds):
         drawn = mixture_points(components, n_proposals, random_state)
         noise = scale * random_state.standard_normal((n_proposals, n_noise))
@@ -231,11 +231,11 @@ def importance_draws(
         smoothed, khat = _smoothed(log_weight, shaped, modes)
         weight = np.exp(smoothed - special.logsumexp(smoothed))
         effective = float(1 / np.sum(weight**2))
-        enough = effective >= SETTINGS.enough_effective * n_proposals
+        enough = effective >= SETTINGS.min_effective_share * n_proposals
         if (enough and khat <= good) or round_ == max_rounds - 1:
             break
         components = matched(shaped, weight, components)
-        if len(components) <= SETTINGS.few:
+        if len(components) <= SETTINGS.few_rounds:
             components = [*components, *slices(shaped, weight, components)]
         if n_noise:
             noise = points[:, -n_noise:]
@@ -342,7 +342,7 @@ def matched_draws(
     for how in ("mean", "scales", "covariance"):
         weight = np.exp(smoothed - special.logsumexp(smoothed))
         effective = 1 / np.sum(weight**2)
-        if khat <= KHAT_LIMIT and effective >= SETTINGS.enough_matched * len(weight):
+        if khat <= KHAT_LIMIT and effective >= SETTINGS.min_matched_share * len(weight):
             break
         moved = _moved(proposals, weight, d, how)
         new_weight = log_density(moved.points) - moved.log_density

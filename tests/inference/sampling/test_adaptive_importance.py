@@ -169,7 +169,7 @@ def test_khat_does_not_condemn_the_steps_of_a_plateau():
         high = np.where(np.abs(z + 0.5) < 0.006, 6.0, 1 + 1e-3 * np.tanh(z))
         return base.logpdf(z) + np.log(np.where(np.abs(z - 0.5) < 0.02, 2.0, high))
 
-    modes = [Gaussian(np.zeros(1), np.eye(1))]
+    modes = [Gaussian(np.zeros(1), np.eye(1), 0.0)]
     found = importance_draws(steps, modes, 2000, 2000, np.random.RandomState(0), max_rounds=1)
     at, log_proposal = found.proposals.points, found.proposals.log_density
     assert pareto_smooth(steps(at) - log_proposal)[1] > 0.7

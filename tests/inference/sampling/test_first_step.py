@@ -178,7 +178,7 @@ def test_a_large_batch_of_wider_proposals_has_the_constant_of_heavy_tails(monkey
         posterior_sampler, "_like_prior", lambda wide: (batches.append(wide), like_prior(wide))[1]
     )
     # as where few draws count
-    settings = replace(posterior_sampler.SETTINGS, enough_effective=np.inf)
+    settings = replace(posterior_sampler.SETTINGS, min_effective_share=np.inf)
     monkeypatch.setattr(posterior_sampler, "SETTINGS", settings)
     found = drawn(TAILS.logpdf)
     assert len(batches) == 1

@@ -121,7 +121,8 @@ def _start(view: View, held: tuple[FloatArray, FloatArray] | None) -> float | No
         if "period" in finding.estimates and getattr(cause, "column", view.name) == view.name
     ]
     end = float(view.x.max() if held is None else max(view.x.max(), held[0].max()))
-    start = end - SETTINGS.most_periods * min(periods, default=np.inf)
+    # more than 15 periods would be a block of colour
+    start = end - 15 * min(periods, default=np.inf)
     return start if start > float(view.x.min()) and np.sum(view.x >= start) > 1 else None
 
 
@@ -206,7 +207,7 @@ def picture_course(view: View, course: pd.DataFrame) -> Drawn:
 
 def picture_causes(view: View) -> Drawn:
     """Draw the probabilities of the causes."""
-    candidates, probabilities = zip(*view.candidates[: SETTINGS.most_causes], strict=True)
+    candidates, probabilities = zip(*view.candidates[: SETTINGS.max_causes], strict=True)
     names = [label_of(candidate) for candidate in candidates]
     chosen = next((k for k, one in enumerate(candidates) if one.cause is view.cause), None)
     axes = plotting.new_axes(height=1.0 + 0.32 * len(names))

@@ -39,30 +39,21 @@ class ReportSettings:
 
     Attributes
     ----------
-    little_information : float
+    min_information : float
         Expected information in bits below which one more measurement is hardly worth it.
-    most_listed : int
+    max_listed : int
         Things that a sentence lists.
-    most_causes : int
+    max_causes : int
         Causes in the table and in the picture, at most.
     as_probable : float
         A form of the same kind with more than this share of the cause's probability may be it as
         well.
-    bins : int
-        Of residuals.
-    log_axis_decades : float
-        A range so wide that small outputs would be a flat line.
-    most_periods : int
-        Periods of a cycle in the first picture, at most; more would be a block of colour.
     """
 
-    little_information: float = 0.07
-    most_listed: int = 4
-    most_causes: int = 8
+    min_information: float = 0.07
+    max_listed: int = 4
+    max_causes: int = 8
     as_probable: float = 0.25
-    bins: int = 5
-    log_axis_decades: float = 1.5
-    most_periods: int = 15
 
 
 SETTINGS = ReportSettings()
@@ -347,7 +338,7 @@ class View:
         """Return the most probable explanations, at least two where there are two."""
         return [
             candidate
-            for place, (candidate, p) in enumerate(_ranked(result)[: SETTINGS.most_listed])
+            for place, (candidate, p) in enumerate(_ranked(result)[: SETTINGS.max_listed])
             if place < 2 or p > LEAST_PROBABLE
         ]
 
@@ -487,5 +478,6 @@ def root_mean_square(values: FloatArray) -> float:
 def _explained(x: FloatArray, curve: FloatArray) -> float:
     """Return the spread of a curve's mean over bins of a column with equally many rows."""
     order = np.argsort(x, kind="stable")
-    parts = np.array_split(curve[order], min(SETTINGS.bins, len(curve)))
+    # five bins at most
+    parts = np.array_split(curve[order], min(5, len(curve)))
     return float(np.std([part.mean() for part in parts]))
