@@ -8,11 +8,11 @@ from matplotlib.figure import Figure
 
 from hybridsurrogate.effects.base import SIMULATED, SLOPE, Cause, Context
 from hybridsurrogate.likelihoods.student_t import log_shape
-from hybridsurrogate.simulation.variables import MOST_LEVELS
+from hybridsurrogate.simulation.variables import MAX_LEVELS
 from hybridsurrogate.types import FloatArray
 
 # of outliers, so many standard deviations are drawn
-_FAR = 15.0
+_MAX_Z = 15.0
 
 
 def plot_cause(cause: Cause, context: Context, ax: Axes | None = None) -> Axes:
@@ -37,10 +37,13 @@ def plot_cause(cause: Cause, context: Context, ax: Axes | None = None) -> Axes:
         column = SLOPE
         values = 2 * np.max(np.abs(context.slopes[cause.follows_slope[0]])) * np.array([-1, 1])
     if "outliers" in cause.acts_on:
-        column, values = "deviation, in sd of the other rows", np.array([-_FAR, _FAR])
+        column, values = (
+            "deviation, in sd of the other rows",
+            np.array([-_MAX_Z, _MAX_Z]),
+        )
     x = np.linspace(values.min(), values.max(), 300)
     # a column of levels is only known at its levels
-    if column in context.X and len(np.unique(values)) <= MOST_LEVELS:
+    if column in context.X and len(np.unique(values)) <= MAX_LEVELS:
         x = np.unique(values)
     rows = {name: np.full(len(x), np.median(v)) for name, v in context.X.items()} | {column: x}
     for other in cause.reads[1:]:
@@ -56,7 +59,7 @@ def plot_cause(cause: Cause, context: Context, ax: Axes | None = None) -> Axes:
             for (name, prior), q in zip(cause.parameters.items(), share, strict=True)
         }
         label, height = _shape(cause, rows, theta, weight, context)
-        ax.plot(x, height, "o-" if len(x) <= MOST_LEVELS else "-", lw=1.2, ms=4)
+        ax.plot(x, height, "o-" if len(x) <= MAX_LEVELS else "-", lw=1.2, ms=4)
     ax.set_xlabel(column)
     ax.set_ylabel(label)
     ax.set_title(cause.name, fontsize="medium")
@@ -73,7 +76,7 @@ def _shape(
     """Return what a cause changes, in words, and by how much at some rows."""
     n = len(next(iter(rows.values())))
     if "outliers" in cause.acts_on:
-        z = np.linspace(-_FAR, _FAR, n)
+        z = np.linspace(-_MAX_Z, _MAX_Z, n)
         return "log density of the noise", log_shape(z, np.asarray(cause.outliers(theta)))
     columns = cause.columns(rows, theta)
     if columns is not None:

@@ -33,7 +33,7 @@ from hybridsurrogate.numerics.linear_algebra import (
 from hybridsurrogate.simulation.simulator import SimulationData
 from hybridsurrogate.surrogates.basis import Basis
 from hybridsurrogate.surrogates.emulation.covariance import (
-    MOST_DENSE,
+    MAX_DENSE,
     LocalError,
     Places,
     Process,
@@ -208,7 +208,7 @@ def fit_linear(
 
 
 # the rest of a variance when its factor has enough columns, in shares of the median
-_NEGLIGIBLE = 1e-4
+_REST_SHARE = 1e-4
 
 
 @dataclass(frozen=True)
@@ -282,9 +282,9 @@ class KrigedBasis(Basis):
         diagonal = left**2
         # at a steep end of a range variances can be a million times those elsewhere
         typical = float(np.median(diagonal)) if len(diagonal) else 0.0
-        least = max(_NEGLIGIBLE * typical, 1e-12 * float(np.max(diagonal, initial=0.0)))
+        least = max(_REST_SHARE * typical, 1e-12 * float(np.max(diagonal, initial=0.0)))
         # sooner made than the columns that are asked for
-        if len(X) <= MOST_DENSE:
+        if len(X) <= MAX_DENSE:
             square = places.alike(places) - white @ white.T
             return pivoted_factor(square * sd * sd[:, None], least)
 
@@ -479,7 +479,7 @@ def through_runs(
     X: FloatArray,
     omega: FloatArray,
     run_eta: FloatArray,
-    most_open: int = MOST_DENSE,
+    most_open: int = MAX_DENSE,
 ) -> KrigedBasis:
     """Return a process with a trend, conditioned on runs of one output.
 

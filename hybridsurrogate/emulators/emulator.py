@@ -27,7 +27,7 @@ from hybridsurrogate.exceptions import ExtrapolationWarning
 from hybridsurrogate.simulation.simulation_data import SimulationData
 from hybridsurrogate.simulation.variables import as_matrix, check_finite
 from hybridsurrogate.surrogates.basis import Domain
-from hybridsurrogate.surrogates.emulation.covariance import MOST_RUNS, process_through
+from hybridsurrogate.surrogates.emulation.covariance import MAX_RUNS, process_through
 from hybridsurrogate.surrogates.emulation.curve_emulator import emulate_curves
 from hybridsurrogate.surrogates.families.polynomial_chaos import PolynomialChaos
 from hybridsurrogate.types import FloatArray
@@ -287,7 +287,7 @@ def _emulated(kind: str, runs: SimulationData, y: FloatArray) -> OneEmulator:
         linear = fit_linear(trend, X, omega, y, noise)
         return OneEmulator("polynomial", linear, linear.left_out, noise)
     process = process_through(trend, np.vstack(ranges), X, omega, y, noise)
-    kriged = through_runs(process, X, omega, y, MOST_RUNS)
+    kriged = through_runs(process, X, omega, y, MAX_RUNS)
     noise = noise or kriged.sd * float(np.sqrt(process.covariance.nugget))
     return OneEmulator("kriging", kriged, of_process(kriged, y), noise)
 

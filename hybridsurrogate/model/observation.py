@@ -23,7 +23,7 @@ from hybridsurrogate.surrogates.basis import Basis, Factors
 from hybridsurrogate.types import FloatArray, Prior
 
 # places of which runs or slopes are kept at a time, and the numbers in the rows of one run
-MOST_KEPT, _LARGEST_KEPT = 64, 20_000
+MAX_KEPT_PLACES, _MAX_KEPT_NUMBERS = 64, 20_000
 
 
 class TransformedSimulation:
@@ -35,7 +35,7 @@ class TransformedSimulation:
 
     def __init__(self, simulator: Simulator, likelihood: Likelihood):
         self.simulator, self.likelihood = simulator, likelihood
-        self._kept = lru_cache(MOST_KEPT)(self._run_of_bytes)
+        self._kept = lru_cache(MAX_KEPT_PLACES)(self._run_of_bytes)
         # inputs and parameters (1, k) of the first row without an output
         self._failed: tuple[FloatArray, FloatArray] | None = None
 
@@ -48,7 +48,7 @@ class TransformedSimulation:
 
     def __call__(self, X: FloatArray, omega: FloatArray) -> FloatArray:
         """Return the output (n,) for rows of inputs and parameters."""
-        if not 0 < X.size + omega.size <= _LARGEST_KEPT:
+        if not 0 < X.size + omega.size <= _MAX_KEPT_NUMBERS:
             return self._run(X, omega)
         return self._kept(X.T.tobytes(), omega.T.tobytes(), len(X)).copy()
 

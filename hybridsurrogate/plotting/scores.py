@@ -28,7 +28,7 @@ from hybridsurrogate.scoring.scores import last_of_the_best
 from hybridsurrogate.types import FloatArray
 
 # the highest density reaches over this many lines of its neighbours
-_OVERLAP = 1.3
+_OVERLAP_LINES = 1.3
 
 
 def plot_densities_over_beta(
@@ -80,7 +80,7 @@ def plot_densities_over_beta(
     room = 0.05 * (high - low)
     grid = np.linspace(max(low - room, support[0]), min(high + room, support[1]), 400)
     densities = [_density(values, grid, support) for values in given]
-    scale = _OVERLAP / max(float(density.max()) for density in densities)
+    scale = _OVERLAP_LINES / max(float(density.max()) for density in densities)
     believed = None if prior is None else scale * prior.pdf(grid)
     for place, (values, density) in reversed(list(enumerate(zip(given, densities, strict=True)))):
         # a lower density hides what is behind it
@@ -98,7 +98,7 @@ def plot_densities_over_beta(
     if truth is not None:
         ax.axvline(truth, color=DATA, ls=":", lw=1.3, label=f"truth, {truth:g}", zorder=9)
     ax.set_yticks(range(len(given)), labels=[f"{beta:g}" for beta in betas])
-    ax.set_ylim(-0.4, len(given) - 0.9 + _OVERLAP)
+    ax.set_ylim(-0.4, len(given) - 0.9 + _OVERLAP_LINES)
     ax.set_xlim(grid[0], grid[-1])
     ax.set_xlabel(label)
     ax.set_ylabel("beta")

@@ -22,7 +22,7 @@ from sklearn.base import clone
 from sklearn.utils import check_consistent_length
 
 from hybridsurrogate.diagnosis.answers.experimental_design import rows_as_table
-from hybridsurrogate.diagnosis.search.candidate import LEAST_PROBABLE
+from hybridsurrogate.diagnosis.search.candidate import MIN_PROBABILITY
 from hybridsurrogate.diagnosis.search.search import Search
 from hybridsurrogate.estimators.averaged import AveragedSurrogate
 from hybridsurrogate.estimators.power_scaled import PowerScaledSurrogate
@@ -37,9 +37,9 @@ from hybridsurrogate.types import FloatArray
 # mixture with 3 and 4 sees shifts of 0.5 to 4 and factors of 1.5 to 8 later
 _SHIFT, _SPREAD = 1.0, 2.0
 # share of the draws: they are made anew, with the measurements so far, where they are worth fewer
-_LEAST_SHARE = 0.25
+_MIN_EFFECTIVE_SHARE = 0.25
 # values of each draw, for the quantile under a likelihood that is not normal
-_VALUES = 20
+_N_VALUES = 20
 
 
 @dataclass(frozen=True)
@@ -129,7 +129,7 @@ def monitored(
         if first >= len(new.y) or np.any(odds >= limit):
             break
         so_far = joined(known, new.take(slice(first)))
-        kept = np.flatnonzero(shares > LEAST_PROBABLE)
+        kept = np.flatnonzero(shares > MIN_PROBABILITY)
         models = [clone(models[k]).fit(*so_far) for k in map(int, kept)]
         shares = shares[kept]
     passed = np.flatnonzero(odds >= limit)
@@ -220,7 +220,7 @@ def _deviations(
     log_weight[:, 1:] += np.cumsum(log_density, axis=1)
     weight = special.softmax(log_weight, axis=0)
     worth = 1 / np.sum(weight[:, :-1] ** 2, axis=0)
-    least = min(MIN_EFFECTIVE, _LEAST_SHARE * counts[0])
+    least = min(MIN_EFFECTIVE, _MIN_EFFECTIVE_SHARE * counts[0])
     # a whole row of outputs at a time, and the first row in any case
     spent = there[worth < least] // width
     spent = spent[spent > 0]
@@ -244,11 +244,11 @@ def _below(likelihood: Likelihood, y: FloatArray, eta: FloatArray, sigma: FloatA
     random = np.random.RandomState(0)
     split = random.uniform(size=len(y))
     total = np.zeros(eta.shape)
-    for _ in range(_VALUES):
+    for _ in range(_N_VALUES):
         drawn = likelihood.sample(eta, sigma, random)
         total += (drawn < y) + split * (drawn == y)
     # never quite none or all
-    return (total + 0.5) / (_VALUES + 1)
+    return (total + 0.5) / (_N_VALUES + 1)
 
 
 def log_odds(z: FloatArray) -> tuple[FloatArray, NDArray[np.intp]]:

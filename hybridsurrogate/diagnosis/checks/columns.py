@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike
 from hybridsurrogate.diagnosis.checks.caution import SETTINGS, Caution
 from hybridsurrogate.diagnosis.search.candidate import Candidate
 from hybridsurrogate.diagnosis.search.search import Search
-from hybridsurrogate.effects.context import LEAST_EACH
+from hybridsurrogate.effects.context import MIN_ROWS_EACH
 from hybridsurrogate.exceptions import DiagnosisWarning
 from hybridsurrogate.model.posterior import FEW_DRAWS
 from hybridsurrogate.model.problem import Problem
@@ -88,7 +88,8 @@ def check_usable_columns(
     for name in experiments_of([X], experiment, None, simulation).left_out:
         warnings.warn(
             f"The column {name!r} is left out: its names, such as {X[name].iloc[0]!r}, stand in "
-            f"fewer than {LEAST_EACH} rows each. If these are numbers, pandas.to_numeric(X[name]).",
+            f"fewer than {MIN_ROWS_EACH} rows each. If these are numbers, "
+            "pandas.to_numeric(X[name]).",
             DiagnosisWarning,
             stacklevel=3,
         )

@@ -249,7 +249,7 @@ def _place(at: dict[str, float]) -> str:
 
 
 # a caution is raised in one of a hundred sets without overdispersion
-_LEVEL = 0.01
+_DISPERSION_LEVEL = 0.01
 
 
 class Dispersion(NamedTuple):
@@ -286,7 +286,7 @@ def cautions_of_dispersion(problem: Problem, posteriors: Sequence[Posterior]) ->
         eta = posterior.eta(problem.X)[0]
         eta = np.mean(eta[np.isfinite(eta).all(axis=1)], axis=0)
         found = dispersion_of(likelihood, problem.X, eta, problem.observed)
-        if found is None or found.p_value > _LEVEL:
+        if found is None or found.p_value > _DISPERSION_LEVEL:
             return []
     assert found is not None  # there is one posterior at least
     return [

@@ -13,7 +13,7 @@ import numpy as np
 from hybridsurrogate.diagnosis.checks.caution import SETTINGS, Caution
 from hybridsurrogate.diagnosis.search.search import Search
 from hybridsurrogate.emulators.failures import Failures
-from hybridsurrogate.estimators.emulation import LONG, seconds_of_each
+from hybridsurrogate.estimators.emulation import LONG_SECONDS, seconds_of_each
 from hybridsurrogate.exceptions import DiagnosisWarning
 from hybridsurrogate.model.context import LONGEST_STEP, around, output
 from hybridsurrogate.model.posterior import Posterior
@@ -56,7 +56,7 @@ def warn_if_slow(problem: Problem, n_folds: int | None = None) -> None:
     each = seconds_a_run(problem)
     folds = 0 if n_folds is None else n_folds
     sets = SETTINGS.search_runs * (1 + SETTINGS.fold_share * folds)
-    if each * sets < LONG:
+    if each * sets < LONG_SECONDS:
         return
     thousands = round(sets, -3)
     without = "" if n_folds is None else " cv=None leaves the folds out."
@@ -72,10 +72,10 @@ def warn_if_slow(problem: Problem, n_folds: int | None = None) -> None:
 
 
 # more than the noise hides, in its standard deviations; measured rows mend some of what is missed
-MOST_OPEN, MOST_MISSED = 1.0, 2.0
+MAX_LEFT_OPEN, MAX_MISSED = 1.0, 2.0
 # of runs that are whole numbers: 24 nats of a jump were lost where they left 0.35 open, and
 # rounding took 0.24
-_MOST_OPEN_OF_WHOLE = 0.3
+_MAX_LEFT_OPEN_OF_WHOLE = 0.3
 
 
 def advice_on_runs(surrogate: Surrogate | None) -> str:
@@ -127,7 +127,7 @@ class EmulatorCheck(NamedTuple):
         stairs, all zero below one half, and an emulator of stairs is rough.
         """
         left_open = math.hypot(self.left_open, self.rounding or 0.0)
-        most = MOST_OPEN if self.rounding is None else _MOST_OPEN_OF_WHOLE
+        most = MAX_LEFT_OPEN if self.rounding is None else _MAX_LEFT_OPEN_OF_WHOLE
         return left_open if left_open > most else 0.0
 
     @property
@@ -162,12 +162,12 @@ class EmulatorCheck(NamedTuple):
     def cautions(self, surrogate: Surrogate) -> list[Caution]:
         """Return what the noise does not hide."""
         out = []
-        if self.left_open > MOST_OPEN:
+        if self.left_open > MAX_LEFT_OPEN:
             out.append(
                 f"At the measured rows the runs leave the simulation open by {self.left_open:.1f} "
                 f"times the noise: effects that are not larger cannot be detected. {self.remedy}"
             )
-        if self.missed > MOST_MISSED:
+        if self.missed > MAX_MISSED:
             out.append(
                 f"At the measured rows {type(surrogate).__name__}, trained on the runs alone, "
                 f"misses the simulation by {self.missed:.1f} times the noise. The search does "

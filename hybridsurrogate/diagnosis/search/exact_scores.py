@@ -109,7 +109,7 @@ def _turned(result: Search, fit: Fitted, cells: Grid) -> Fitted:
 
 
 # places of one cause from which its modes are sought, and shares of the size's prior
-_PLACES, _SHARES = 4, (-0.5, 0.5, 1.3)
+_N_STARTS, _SIZE_SHARES = 4, (-0.5, 0.5, 1.3)
 
 
 def _screened_at_best(result: Search, causes: Sequence[Cause], point: WorkingPoint) -> Search:
@@ -197,7 +197,7 @@ def _sized(result: Search, w: Candidate) -> tuple[MeasuredModel, FloatArray]:
     starts = z[None]
     if len(grid.nodes):
         log_evidence = result.context.evidence_of_nodes(w.fit, result.sizes)
-        best = np.argsort(-(log_evidence - grid.log_weight))[:_PLACES]
+        best = np.argsort(-(log_evidence - grid.log_weight))[:_N_STARTS]
         starts = np.repeat(z[None], len(best), axis=0)
         priors = [model.priors[k] for k in grid.nodes]
         starts[:, grid.nodes] = to_normal(priors, grid.points[best])
@@ -208,7 +208,7 @@ def _sized(result: Search, w: Candidate) -> tuple[MeasuredModel, FloatArray]:
     rows = dict(zip(model.columns, problem.X.T, strict=False))
     cause = Sized(w.cause, low, high, rows, slopes)
     points = []
-    for share in _SHARES:
+    for share in _SIZE_SHARES:
         size = float(np.exp(np.interp(share, [-3, 3], np.log([low, high]))))
         place = starts.copy()
         moved = place[:, grid.sizes] - grid.neutral[grid.sizes]

@@ -12,7 +12,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from hybridsurrogate.diagnosis.search.candidate import LEAST_PROBABLE, Candidate, prior_of
+from hybridsurrogate.diagnosis.search.candidate import MIN_PROBABILITY, Candidate, prior_of
 from hybridsurrogate.diagnosis.search.context import Fitted
 from hybridsurrogate.diagnosis.search.search import Search, measured_and_other, predict_locally
 from hybridsurrogate.effects.base import Cause
@@ -131,7 +131,7 @@ def _given_curve(result: Search) -> Search:
     out = []
     for k, (w, probability) in enumerate(zip(result.candidates, quick, strict=True)):
         # the best named cause always has its chance: data usually contain more than one fault
-        if w is process or (probability < LEAST_PROBABLE and w.cause is not None and k != best):
+        if w is process or (probability < MIN_PROBABILITY and w.cause is not None and k != best):
             out.append(w)
         elif w.cause is None:
             out.append(w._replace(log_evidence_with_remainder=process.log_evidence))
@@ -154,7 +154,7 @@ def _given_noise(result: Search, nearby: Search | None) -> Search:
         k
         for k, w in enumerate(result.candidates)
         if w.cause is not None and w.cause.changes_output and w.has_name and not w.is_estimate
-        if nearby is None or nearby.probability[k] * nearby.correlated[k] > LEAST_PROBABLE
+        if nearby is None or nearby.probability[k] * nearby.correlated[k] > MIN_PROBABILITY
     ]
     out = list(result.candidates)
     for k in sorted(able, key=lambda k: -value[k])[: SETTINGS.max_compared]:

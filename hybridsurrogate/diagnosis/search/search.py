@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hybridsurrogate.diagnosis.search.candidate import (
-    LEAST_PROBABLE,
+    MIN_PROBABILITY,
     NAMELESS,
     Candidate,
     prior_odds,
@@ -344,7 +344,7 @@ def _climbed(result: Search) -> Search:
     high.
     """
     out = list(result.candidates)
-    for k in map(int, np.flatnonzero(result.probability > LEAST_PROBABLE)):
+    for k in map(int, np.flatnonzero(result.probability > MIN_PROBABILITY)):
         cause = out[k].cause
         if cause is None or cause.is_correlated_noise or is_followed(cause):
             continue
@@ -397,7 +397,7 @@ def _compare(
 
 # two explanations are the same to the measured rows if they are less than so many nats apart, and
 # less than this share of how far either is from nothing wrong
-_SAME, _OF_EFFECT = 0.5, 0.02
+_SAME_NATS, _SAME_SHARE = 0.5, 0.02
 
 
 class Local(NamedTuple):
@@ -524,7 +524,7 @@ def draw_the_same(result: Search, one: Candidate, other: Candidate) -> bool:
     trend and a drift of the slope of a line, or noise that grows and an input in error.
     """
     first, second, nothing = (predicted_rows(result, w) for w in (one, other, result.candidates[0]))
-    return _divergence(first, second) < min(_SAME, _OF_EFFECT * _divergence(first, nothing))
+    return _divergence(first, second) < min(_SAME_NATS, _SAME_SHARE * _divergence(first, nothing))
 
 
 def _divergence(one: tuple[FloatArray, FloatArray], other: tuple[FloatArray, FloatArray]) -> float:

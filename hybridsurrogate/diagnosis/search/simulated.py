@@ -103,11 +103,11 @@ def output_of(parts: Linearised, z: FloatArray) -> FloatArray:
 
 
 # parameters that follow more of a curve than this leave nothing to detect
-_LEAST_LEFT = 0.1
+_MIN_LEFT_SHARE = 0.1
 # how far a parameter is moved at most, in standard deviations of its prior
-_FURTHEST = 3.0
+_MAX_MOVE = 3.0
 # of a shape that has its size: how near, on a logarithmic scale, it has to be, before it is scaled
-_NEAR = 0.3
+_SIZE_TOLERANCE = 0.3
 
 
 class Shapes(NamedTuple):
@@ -208,7 +208,7 @@ def _shapes(
     if not q and not cause.touches_simulation:
         # noise alone: a shape has its contrast, and may be scaled a little
         contrast = np.max(own, axis=1) / np.min(own, axis=1) - 1
-        near = np.exp([-_NEAR, _NEAR])
+        near = np.exp([-_SIZE_TOLERANCE, _SIZE_TOLERANCE])
         zero = np.zeros((k, n))
         return Shapes(zero, own, contrast * near[0], contrast * near[1], weight, False)
     moved = np.broadcast_to(output - place.output, (k, n))
@@ -217,15 +217,15 @@ def _shapes(
     left = place.left_of(curves)
     size = np.sqrt(np.mean(left**2, axis=1))
     raw = np.sqrt(np.mean((curves / place.noise) ** 2, axis=1))
-    valid = np.isfinite(size) & (size > _LEAST_LEFT * raw) & (size > 0)
+    valid = np.isfinite(size) & (size > _MIN_LEFT_SHARE * raw) & (size > 0)
     unit = np.where(valid, size, 1.0)
     if q:
         # a parameter moves within its prior
         with np.errstate(divide="ignore"):
-            reach = _FURTHEST * np.min(parts.cap / np.abs(direction), axis=1)
+            reach = _MAX_MOVE * np.min(parts.cap / np.abs(direction), axis=1)
         largest = reach * unit
     else:
-        smallest, largest = unit * np.exp(-_NEAR), unit * np.exp(_NEAR)
+        smallest, largest = unit * np.exp(-_SIZE_TOLERANCE), unit * np.exp(_SIZE_TOLERANCE)
     curves = np.where(valid[:, None], curves, 0.0) / unit[:, None]
     factors = np.ones((k, n)) if cause.is_process else own
     return Shapes(curves, factors, smallest, largest, weight * valid, False)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy import stats
 
 from hybridsurrogate.effects.base import Act, Cause, Context, FloatArray, Forms, Rows
-from hybridsurrogate.effects.context import MOST_GAPS, UNKNOWN, Axis
+from hybridsurrogate.effects.context import MAX_GAPS, UNKNOWN, Axis
 from hybridsurrogate.effects.expressions import Code
 from hybridsurrogate.effects.over_column import FromOrigin, Located
 from hybridsurrogate.effects.registry import Form, needs, over_columns, over_inputs, register
@@ -485,7 +485,7 @@ class Step(Located):
 
     def grid(self) -> dict[str, FloatArray]:
         """Return the gaps between neighbouring rows; of many rows two locations a distance."""
-        many = len(self.axis.rows) > MOST_GAPS
+        many = len(self.axis.rows) > MAX_GAPS
         return {"location": self.locations(200) if many else self.axis.gaps(self.location)}
 
     def columns(self, X: Rows, theta: Rows) -> FloatArray:

@@ -27,9 +27,9 @@ from hybridsurrogate.types import FloatArray
 
 # places far away: along a size, how far these reach in standard deviations of the prior, and
 # besides; how much better (minus twice the log posterior) one has to be
-_ON_LINE, _REACH, _WIDE, _WORTH_FOLLOWING = 49, 2.4, 400, 2.0
+_LINE_POINTS, _REACH_SD, _N_SPREAD, _WORTH_FOLLOWING = 49, 2.4, 400, 2.0
 # sizes that starts move to either side, in all combinations
-_MOVED = 4
+_MAX_MOVED_SIZES = 4
 
 
 def is_followed(cause: Cause) -> bool:
@@ -71,7 +71,7 @@ def best_of_spread(
         As in `best_of_many`.
     """
     # a fixed spread: what a fit finds does not depend on its random draws
-    z = np.random.RandomState(0).standard_normal((_WIDE, model.n_unknowns))
+    z = np.random.RandomState(0).standard_normal((_N_SPREAD, model.n_unknowns))
     residual = _Residual(model, X, y, emulator, floor)
     value = residual.deviance(residual(z), z)
     starts = z[np.argsort(value)[: SETTINGS.max_followed]]
@@ -104,10 +104,10 @@ def best_of_global_starts(
     """
     if not model.effects[-1].touches_simulation or not len(grid.sizes):
         return None
-    line = np.tile(grid.neutral, (_ON_LINE, 1))
+    line = np.tile(grid.neutral, (_LINE_POINTS, 1))
     line[:, : len(centre)] = centre
     line[:, grid.nodes] = _at_nodes(model, grid, np.array([len(grid.points) // 2]))
-    line[:, grid.sizes[0]] = np.linspace(-_REACH, _REACH, _ON_LINE)
+    line[:, grid.sizes[0]] = np.linspace(-_REACH_SD, _REACH_SD, _LINE_POINTS)
     residual = _Residual(model, X, y, emulator, floor)
 
     def deviance(z: FloatArray) -> FloatArray:
@@ -118,16 +118,16 @@ def best_of_global_starts(
     is_rough = np.count_nonzero(inner) > 1
     if len(grid.nodes) and not is_rough:
         return None  # nodes are enumerated, and sizes are followed from each
-    wide = _WIDE if is_rough else _ON_LINE
+    wide = _N_SPREAD if is_rough else _LINE_POINTS
     if is_rough and model.basis.is_quick:
-        wide = int(np.clip(LARGE_BLOCK // len(y), _WIDE, SETTINGS.max_population))
+        wide = int(np.clip(LARGE_BLOCK // len(y), _N_SPREAD, SETTINGS.max_population))
     # a fixed spread of parameters, size and nodes, those of earlier causes held: the search is
     # deterministic
     random = np.random.RandomState(0)
     spread = np.tile(line[0], (wide, 1))
     place = [*np.arange(model.n_parameters), *grid.sizes]
     # far out in a heavy tail an ODE would be solved for many times the measured span
-    spread[:, place] = np.clip(random.standard_normal((wide, len(place))), -_REACH, _REACH)
+    spread[:, place] = np.clip(random.standard_normal((wide, len(place))), -_REACH_SD, _REACH_SD)
     spread[:, grid.nodes] = _at_nodes(model, grid, random.randint(len(grid.points), size=wide))
     z = np.vstack([known, line, spread])
     value = np.concatenate([deviance(known[None]), along, deviance(spread)])
@@ -147,7 +147,7 @@ def _at_nodes(model: MeasuredModel, grid: Grid, index: NDArray[np.intp]) -> Floa
 def _starts(model: MeasuredModel, grid: Grid, centre: FloatArray) -> FloatArray:
     """Return starts (S, n_unknowns): nodes spread over the grid, sizes moved to either side."""
     # of the waves of a process the first, which are the largest: all corners would be a million
-    moved = grid.sizes[:_MOVED]
+    moved = grid.sizes[:_MAX_MOVED_SIZES]
     T, k = len(grid.points), len(moved)
     most = min(T, SETTINGS.max_followed * 2 ** max(k - 1, 0))
     chosen = np.unique(np.linspace(0, T - 1, most).round().astype(int))

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from hybridsurrogate.inference.evidence.grid import Grid
 from hybridsurrogate.inference.evidence.settings import SETTINGS
 from hybridsurrogate.model.context import disjoint_moves
-from hybridsurrogate.model.observation import MOST_KEPT, MeasuredModel
+from hybridsurrogate.model.observation import MAX_KEPT_PLACES, MeasuredModel
 from hybridsurrogate.model.statistics import EmulatorPosterior
 from hybridsurrogate.numerics.linear_algebra import LARGE_BLOCK, SINGULAR, blocks, in_blocks
 from hybridsurrogate.simulation.arrays import LARGEST
@@ -320,7 +320,7 @@ class RecentSlopes:
         )
         if key not in self._kept:
             self._kept[key] = _slopes(model, X, emulator, grid, z)
-            if len(self._kept) > MOST_KEPT:
+            if len(self._kept) > MAX_KEPT_PLACES:
                 self._kept.popitem(last=False)
         self._kept.move_to_end(key)
         return self._kept[key]

@@ -15,7 +15,7 @@ from scipy import special
 
 from hybridsurrogate.inference.sampling.modes import Gaussian, LogDensity, NothingPossibleError
 from hybridsurrogate.inference.sampling.settings import SETTINGS
-from hybridsurrogate.model.posterior import LEAST_EFFECTIVE
+from hybridsurrogate.model.posterior import MIN_EFFECTIVE_EACH
 from hybridsurrogate.numerics.linear_algebra import SINGULAR
 from hybridsurrogate.numerics.psis import KHAT_LIMIT, level_smooth, pareto_smooth
 from hybridsurrogate.types import FloatArray
@@ -294,7 +294,7 @@ def _smoothed(
     for k in range(max(len(modes), 1)):
         cell = np.flatnonzero(nearest == k)
         khats.append(np.inf)
-        if np.count_nonzero(np.isfinite(log_weight[cell])) >= LEAST_EFFECTIVE:
+        if np.count_nonzero(np.isfinite(log_weight[cell])) >= MIN_EFFECTIVE_EACH:
             out[cell], khats[-1] = level_smooth(log_weight[cell])
     return out, max(khats)
 

@@ -36,11 +36,11 @@ from hybridsurrogate.types import FloatArray
 # the covariance is learned from at most so many runs, drawn at random, as files of runs are often
 # in order (of runs that are curves fewer: each is as much as hundreds of rows), and the process is
 # conditioned on at most so many
-_LEARNED_ROWS, _LEARNED_RUNS, MOST_RUNS, MOST_CURVES = 500, 200, 5000, 2000
+_LEARNED_ROWS, _LEARNED_RUNS, MAX_RUNS, MAX_CURVES = 500, 200, 5000, 2000
 # rows or columns of a covariance that is formed whole, at most: its time grows with their square
-MOST_DENSE = 1000
+MAX_DENSE = 1000
 # of a spread, or of a nugget: what is less is none of what is looked for
-_MINOR = 0.01
+_MINOR_SHARE = 0.01
 
 
 class Places(NamedTuple):
@@ -154,17 +154,15 @@ class Process:
             known = known + self.trend.features(X, omega) @ self.trend.coefficient_mean
         return known
 
-    def some(
-        self, X: FloatArray, omega: FloatArray, eta: FloatArray, most: int = MOST_RUNS
-    ) -> Runs:
+    def some(self, X: FloatArray, omega: FloatArray, eta: FloatArray, most: int = MAX_RUNS) -> Runs:
         """Return the runs that are used, of runs with outputs eta (n,) or (n, k)."""
-        chosen = used_rows(len(eta), most if eta.ndim == 1 else MOST_CURVES)
+        chosen = used_rows(len(eta), most if eta.ndim == 1 else MAX_CURVES)
         X, omega = X[chosen], omega[chosen]
         outputs = eta[chosen].reshape(len(chosen), -1)
         return Runs(self.places(X, omega), outputs - self.prior_mean(X, omega)[:, None])
 
 
-def used_rows(n: int, most: int = MOST_RUNS) -> NDArray[np.intp]:
+def used_rows(n: int, most: int = MAX_RUNS) -> NDArray[np.intp]:
     """Return the rows of n runs that are used, at random."""
     return np.random.default_rng(0).permutation(n)[:most]
 
@@ -281,7 +279,7 @@ def condensed(matrix: FloatArray, nugget: float, residual: FloatArray) -> Condit
     # where others leave no more of a run, it is none of those that a prediction is made of: of
     # 2,000 curves the mean then moved by at most 0.07 of its error, which is the same; at a tenth
     # of a nugget by one and a half of them
-    lower, order, m, _ = dpstrf(matrix, tol=_MINOR * nugget, lower=1)
+    lower, order, m, _ = dpstrf(matrix, tol=_MINOR_SHARE * nugget, lower=1)
     if 2 * m > len(matrix):
         return conditioned(matrix, nugget, residual)
     order, factor, one = order - 1, np.tril(lower[:, :m]), np.eye(m)
@@ -309,7 +307,7 @@ def weights_of(matrix: FloatArray, nugget: float, residual: FloatArray) -> Float
 # the weight of a run falls by a factor e for so many runs that lie between; the prior that errors
 # are as the process predicts, in runs. Without, 90 % intervals of 76 such emulators cover 0.9
 # (standard error 0.2) points less, and log densities are 0.04 (0.02) lower
-_NEIGHBOURS, _BELIEF = 3.0, 2.0
+_NEIGHBOUR_RUNS, _PRIOR_RUNS = 3.0, 2.0
 
 
 class LocalError(NamedTuple):
@@ -338,9 +336,9 @@ class LocalError(NamedTuple):
         """
         order = np.argsort(points, axis=0, kind="stable").T
         ranks = np.arange(len(misses))
-        near = np.exp(-np.abs(ranks[:, None] - ranks) / _NEIGHBOURS)
+        near = np.exp(-np.abs(ranks[:, None] - ranks) / _NEIGHBOUR_RUNS)
         # the mean of an inverse-gamma belief about the variance, updated by the runs around
-        square = (_BELIEF + misses[order] @ near) / (_BELIEF + np.sum(near, axis=0))
+        square = (_PRIOR_RUNS + misses[order] @ near) / (_PRIOR_RUNS + np.sum(near, axis=0))
         places = np.take_along_axis(points.T, order, axis=1)
         return cls(places, np.sqrt(np.maximum(square, 1.0)))
 
@@ -351,16 +349,16 @@ class LocalError(NamedTuple):
 
 
 # sd of the normal priors of each log length and each bend; the means are half the range, and none
-_SD = 2.0
+_PRIOR_SD = 2.0
 # an input without influence has the longest length: at 50 errors of the borehole function are twice
 # as large from 1,000 runs
-_LENGTHS, _NUGGETS, _SHARES, _MOST_BENT = (0.05, 1000.0), (1e-7, 10.0), (1e-3, 1e5), 8.0
+_LENGTHS, _NUGGETS, _SHARES, _MAX_BEND = (0.05, 1000.0), (1e-7, 10.0), (1e-3, 1e5), 8.0
 # logarithms of nugget and share to start from: with others, rougher or with more of the terms, 71
 # of 76 fits to runs of 12 simulations are the same, and errors by less than a thousandth
 _START = (-9.0, -2.0)
 _ROOT = np.sqrt(5.0)
 # runs among which the most likely numbers are searched, and steps from there with all runs
-_SEARCHED, _POLISH = 200, 15
+_SEARCHED_RUNS, _POLISHING_STEPS = 200, 15
 
 
 class Covariance(NamedTuple):
@@ -538,8 +536,8 @@ def learned(
     nuggets = np.clip(max(_NUGGETS[0], least_nugget), *_NUGGETS), _NUGGETS[1]
     ranges = [_LENGTHS] * d + [nuggets, _SHARES]
     limits = [(math.log(low), math.log(high)) for low, high in ranges]
-    limits += [(-_MOST_BENT, _MOST_BENT)] * d
-    few = min(len(points), _SEARCHED)
+    limits += [(-_MAX_BEND, _MAX_BEND)] * d
+    few = min(len(points), _SEARCHED_RUNS)
 
     def deviance(z: FloatArray, gram: FloatArray, n: int) -> tuple[float, FloatArray]:
         return _badness(z, points[:n], gram[:n, :n], residual[:n], counts)
@@ -552,7 +550,7 @@ def learned(
         best = min(ends, key=lambda end: end.fun).x
         if few == len(points):
             return np.asarray(best)
-        args, options = (gram, len(points)), {"maxiter": _POLISH}
+        args, options = (gram, len(points)), {"maxiter": _POLISHING_STEPS}
         end = minimize(
             deviance, best, args, method="L-BFGS-B", jac=True, bounds=limits, options=options
         )
@@ -603,7 +601,7 @@ def _left_out_density(
     weights, diagonal = whiten.T @ (whiten @ residual), np.sum(whiten**2, axis=0)
     squares = weights**2 / diagonal[:, None]
     variance = np.maximum(np.sum(residual * weights, axis=0), np.sum(squares, axis=0)) / n
-    spread = variance / diagonal[:, None] + (_MINOR * np.std(residual, axis=0)) ** 2
+    spread = variance / diagonal[:, None] + (_MINOR_SHARE * np.std(residual, axis=0)) ** 2
     missed = (weights / diagonal[:, None]) ** 2 / spread
     return float(-0.5 * np.sum(counts * (np.log(spread) + missed)))
 
@@ -645,5 +643,7 @@ def _badness(
             -weight @ (apart * moved),
         ]
     )
-    precision = np.concatenate([np.full(d, _SD**-2.0), np.zeros(2), np.full(d, _SD**-2.0)])
+    precision = np.concatenate(
+        [np.full(d, _PRIOR_SD**-2.0), np.zeros(2), np.full(d, _PRIOR_SD**-2.0)]
+    )
     return float(value + 0.5 * precision @ z**2), slope + precision * z

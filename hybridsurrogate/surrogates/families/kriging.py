@@ -27,8 +27,14 @@ from hybridsurrogate.types import FloatArray
 
 # runs, and places between them, on which the features stand: at most so many, fewer where all
 # others are as good as known, to these shares of the variance of the outputs
-_MOST_STANDS, _RUN_FEATURES, _RUNS_KNOWN, _MORE_FEATURES, _KNOWN = 500, 200, 1e-5, 100, 3e-4
-_CANDIDATES = 1024
+_MAX_STANDS, _MAX_FEATURES, _RUN_REST, _MAX_MORE, _MORE_REST = (
+    500,
+    200,
+    1e-5,
+    100,
+    3e-4,
+)
+_N_CANDIDATES = 1024
 
 
 class Kriging(Surrogate):
@@ -102,7 +108,7 @@ class Kriging(Surrogate):
             raise ValueError(needs)
         ranges = np.vstack([domain.input_ranges, domain.parameter_ranges])
         process = process_through(trend, ranges, domain.X, domain.omega, domain.eta)
-        runs = process.some(domain.X, domain.omega, domain.eta, _MOST_STANDS)
+        runs = process.some(domain.X, domain.omega, domain.eta, _MAX_STANDS)
         matrix = runs.places.alike(runs.places)
         sd = conditioned(matrix, process.covariance.nugget, runs.residual).sd[0]
         # outputs that are all the same would leave nothing to learn
@@ -126,10 +132,10 @@ def _stands(
     Journal of Machine Learning Research 6:1939, section 5): others are added there.
     """
     factor, chosen = pivoted_cholesky(
-        np.diagonal(matrix), lambda k: matrix[k], _RUNS_KNOWN * spread, _RUN_FEATURES
+        np.diagonal(matrix), lambda k: matrix[k], _RUN_REST * spread, _MAX_FEATURES
     )
     stands = runs.of(chosen)
-    points = draw_design(process.ranges.tolist(), _CANDIDATES, random_state=0)
+    points = draw_design(process.ranges.tolist(), _N_CANDIDATES, random_state=0)
     between_runs = process.places(points[:, :n_inputs], points[:, n_inputs:])
     white = solve_triangular(factor[chosen], stands.alike(between_runs), lower=True).T
     left = np.maximum(between_runs.variances() - np.sum(white**2, axis=1), 0.0)
@@ -137,7 +143,7 @@ def _stands(
     def column(k: int) -> FloatArray:
         return between_runs.alike(between_runs.of(slice(k, k + 1)))[:, 0] - white @ white[k]
 
-    _, more = pivoted_cholesky(left, column, _KNOWN * spread, _MORE_FEATURES)
+    _, more = pivoted_cholesky(left, column, _MORE_REST * spread, _MAX_MORE)
     return stands.joined(between_runs.of(more))
 
 

@@ -20,7 +20,7 @@ from hybridsurrogate.diagnosis.report.elements.view import (
 )
 from hybridsurrogate.diagnosis.validation.beta_scan import best_beta
 from hybridsurrogate.diagnosis.validation.gain import HeldOutGain
-from hybridsurrogate.effects.context import MOST_EXPERIMENTS
+from hybridsurrogate.effects.context import MAX_EXPERIMENTS
 from hybridsurrogate.numerics import digits
 from hybridsurrogate.plotting import AFTER, BEFORE, Predicted
 from hybridsurrogate.scoring.scores import COVERAGE_LEVEL
@@ -146,7 +146,7 @@ def experiment_column(view: View) -> str | None:
     few = [
         name
         for name, values in zip(view.columns, view.X.T, strict=True)
-        if name not in view.inputs and 2 <= len(np.unique(values)) <= MOST_EXPERIMENTS
+        if name not in view.inputs and 2 <= len(np.unique(values)) <= MAX_EXPERIMENTS
     ]
     read = (name for _, cause in view.findings for name in cause.reads if cause.changes_output)
     return next((name for name in read if name in few), None)

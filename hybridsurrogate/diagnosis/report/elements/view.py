@@ -14,7 +14,7 @@ from scipy import special
 
 from hybridsurrogate.arguments import check_units
 from hybridsurrogate.diagnosis.fitting.result import DiagnosisResult
-from hybridsurrogate.diagnosis.search.candidate import LEAST_PROBABLE, Candidate
+from hybridsurrogate.diagnosis.search.candidate import MIN_PROBABILITY, Candidate
 from hybridsurrogate.diagnosis.search.search import Search, predict_locally
 from hybridsurrogate.diagnosis.validation.refit import added_causes
 from hybridsurrogate.effects.base import Cause
@@ -25,7 +25,7 @@ from hybridsurrogate.model.rows.stacking import Stacking
 from hybridsurrogate.numerics import digits
 from hybridsurrogate.plotting import Prediction
 from hybridsurrogate.simulation.outputs import OUTPUT
-from hybridsurrogate.simulation.variables import MOST_LEVELS
+from hybridsurrogate.simulation.variables import MAX_LEVELS
 from hybridsurrogate.types import FloatArray
 
 if TYPE_CHECKING:
@@ -321,7 +321,7 @@ class View:
     ) -> FloatArray:
         """Return rows that vary the shown column, the others at their medians or at one row."""
         known = np.unique(self.x)
-        few = self.name not in self.inputs and len(known) <= MOST_LEVELS
+        few = self.name not in self.inputs and len(known) <= MAX_LEVELS
         # between its few values a column such as a batch means nothing
         values = known if few else np.linspace(low, high, n)
         row = np.median(self.X, axis=0) if at is None else at
@@ -339,7 +339,7 @@ class View:
         return [
             candidate
             for place, (candidate, p) in enumerate(_ranked(result)[: SETTINGS.max_listed])
-            if place < 2 or p > LEAST_PROBABLE
+            if place < 2 or p > MIN_PROBABILITY
         ]
 
     def other_forms(self) -> list[Candidate]:
