@@ -21,9 +21,9 @@ from hybridsurrogate.types import Prior
 
 # one jump is a step or a decay; more than twenty, or one in six rows, are a curve
 _MIN_JUMPS, _MAX_JUMPS, _ROWS_EACH = 2, 20, 6
-# places that are tried, evenly spread over the rows; decay lengths; how often places move; and how
-# many jumps more have to be worth nothing
-_N_PLACES, _N_SCALES, _N_SWEEPS, _PATIENCE = 600, 8, 2, 3
+# places that are tried, evenly spread over the rows (of a tenth of them 12 of 40 sets have another
+# cause), and decay lengths
+_N_PLACES, _N_SCALES = 600, 8
 
 
 @dataclass(eq=False, repr=False)
@@ -165,7 +165,7 @@ def _detected(
                 here, at = value, k
             if k >= _MIN_JUMPS and value > best:
                 best, found = value, chosen
-            if k > max(at, _MIN_JUMPS) + _PATIENCE:
+            if k > max(at, _MIN_JUMPS):
                 break
     return tuple(np.sort(tried[found]).tolist()), len(tried)
 
@@ -177,10 +177,9 @@ def _path(
     chosen: list[int] = []
     for _ in range(most):
         chosen.append(_next(shapes, missed, free, chosen))
-        for _ in range(_N_SWEEPS if len(chosen) > 1 else 0):
-            # what was chosen alone may lie elsewhere with the others
-            for k in range(len(chosen)):
-                chosen[k] = _next(shapes, missed, free, chosen[:k] + chosen[k + 1 :])
+        # what was chosen alone may lie elsewhere with the others
+        for k in range(len(chosen)):
+            chosen[k] = _next(shapes, missed, free, chosen[:k] + chosen[k + 1 :])
         yield np.array(chosen)
 
 
