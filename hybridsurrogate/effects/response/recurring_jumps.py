@@ -154,19 +154,18 @@ def _detected(
     best, found = -np.inf, np.empty(0, dtype=np.intp)
     for length in quantiles(scale, _N_SCALES).tolist():
         shapes = _decayed(x, tried, np.array(length))
-        here, at = -np.inf, 0
+        before = -np.inf
         for chosen in _path(shapes, missed, free, most):
             k = len(chosen)
             left = _without(np.column_stack([free, shapes[:, chosen]]), missed)
             # the Bayesian information criterion, and what a set of places costs
             fit = -0.5 * len(x) * log(max(float(left @ left), np.finfo(float).tiny))
             value = fit - 0.5 * k * log(len(x)) - log(comb(len(tried), k))
-            if value > here:
-                here, at = value, k
             if k >= _MIN_JUMPS and value > best:
                 best, found = value, chosen
-            if k > max(at, _MIN_JUMPS):
+            if k > _MIN_JUMPS and value <= before:
                 break
+            before = max(before, value)
     return tuple(np.sort(tried[found]).tolist()), len(tried)
 
 
