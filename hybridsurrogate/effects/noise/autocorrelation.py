@@ -13,13 +13,15 @@ from hybridsurrogate.effects.context import UNKNOWN, Axis
 from hybridsurrogate.effects.expressions import Code
 from hybridsurrogate.effects.over_column import OverColumn
 from hybridsurrogate.effects.registry import Form, register
+from hybridsurrogate.numerics.hilbert import BOUNDARY
 from hybridsurrogate.priors import frozen
 from hybridsurrogate.types import Prior
 
-# pairs of waves, and their longest period on the column scaled to [-1, 1]: half of what it leaves
-# between the ends of the rows is more than two of the longest correlation lengths
-_N_PAIRS, _LONGEST_PERIOD = 30, 3.0
-_EDGE = _LONGEST_PERIOD / 2
+# pairs of waves
+_N_PAIRS = 30
+# and their longest period on the column scaled to [-1, 1]: half of what it leaves between the ends
+# of the rows is more than two of the longest correlation lengths
+_LONGEST_PERIOD = 2 * BOUNDARY
 
 
 @dataclass(eq=False, repr=False)
@@ -104,7 +106,7 @@ class Autocorrelation(OverColumn):
     def factors(self, X: Rows, theta: Rows) -> tuple[FloatArray, FloatArray]:
         """Return constant, cosines and sines, and the root of the variance of each wave."""
         # beyond the period's middle the waves would come back to the rows at the other end
-        scaled = np.clip(self.scaled(X), -_EDGE, _EDGE)
+        scaled = np.clip(self.scaled(X), -BOUNDARY, BOUNDARY)
         frequency = 2 * np.pi / _LONGEST_PERIOD * np.arange(_N_PAIRS + 1)
         # powers of the first wave: cosine and sine of one angle a row give all of them
         first = np.exp(1j * scaled * frequency[1])

@@ -75,9 +75,9 @@ class SamplingSettings:
         cells are as wide as two standard deviations of the posterior.
     proposals_per_draw : int
         Given each coefficient draw.
-    output_truncation, few_coefficients : float, int
+    output_truncation : float
         What leading directions of the coefficients may leave out of an output on average, in
-        standard deviations of the noise; fewer coefficients are few.
+        standard deviations of the noise.
     many_dimensions : int
         Beyond, coefficient draws have separate proposals only where shared ones are doubtful: with
         13 unknowns separate ones took 100 s, shared ones six, with a k-hat of 0.57.
@@ -109,7 +109,6 @@ class SamplingSettings:
     node_density_change: float = 0.5
     proposals_per_draw: int = 60
     output_truncation: float = 3e-3
-    few_coefficients: int = 30
     many_dimensions: int = 10
 
 

@@ -16,6 +16,7 @@ from hybridsurrogate.numerics.linear_algebra import (
 from hybridsurrogate.simulation.design import draw_design
 from hybridsurrogate.surrogates.basis import Basis, Domain, Surrogate, register
 from hybridsurrogate.surrogates.emulation.covariance import (
+    MAX_DENSE,
     Places,
     Process,
     conditioned,
@@ -34,7 +35,6 @@ _MAX_STANDS, _MAX_FEATURES, _RUN_REST, _MAX_MORE, _MORE_REST = (
     100,
     3e-4,
 )
-_N_CANDIDATES = 1024
 
 
 class Kriging(Surrogate):
@@ -135,7 +135,7 @@ def _stands(
         np.diagonal(matrix), lambda k: matrix[k], _RUN_REST * spread, _MAX_FEATURES
     )
     stands = runs.of(chosen)
-    points = draw_design(process.ranges.tolist(), _N_CANDIDATES, random_state=0)
+    points = draw_design(process.ranges.tolist(), MAX_DENSE, random_state=0)
     between_runs = process.places(points[:, :n_inputs], points[:, n_inputs:])
     white = solve_triangular(factor[chosen], stands.alike(between_runs), lower=True).T
     left = np.maximum(between_runs.variances() - np.sum(white**2, axis=1), 0.0)
