@@ -38,7 +38,7 @@ from hybridsurrogate.simulation.modification import Modification
 from hybridsurrogate.types import FloatArray, Prior
 
 # prior sd of coefficients whose columns have their size
-STANDARD_SD = 1.0
+UNIT_SD = 1.0
 # usual change of the logarithm of a parameter that keeps its sign: halving and doubling
 USUAL_CHANGE = 0.7
 

@@ -25,7 +25,7 @@ _TIMES_EVEN = 5
 # shares of the rows' phases that agree: a wave is no alias of another, or nearly one
 _INCOHERENT, _COHERENT = 0.5, 0.9
 # bins a cycle, and how much finer than one cycle the spectrum is looked at
-_BINS_A_CYCLE, _PADDING = 16, 4
+_BINS_A_CYCLE, _PADDED = 16, 4
 
 
 @dataclass(frozen=True, eq=False)
@@ -174,16 +174,14 @@ def highest_frequency(values: FloatArray, most_cycles: int) -> float:
     # the rows' spectral window, up to twice that, from rows put into fine bins
     bins = int(_BINS_A_CYCLE * 2 * most) + 1
     place = np.rint((distinct - distinct[0]) / span * (bins - 1)).astype(np.intp)
-    window = np.abs(np.fft.rfft(np.bincount(place, minlength=bins), _PADDING * bins)) / len(
-        distinct
-    )
-    cycles = np.arange(len(window)) * (bins - 1) / (_PADDING * bins)
+    window = np.abs(np.fft.rfft(np.bincount(place, minlength=bins), _PADDED * bins)) / len(distinct)
+    cycles = np.arange(len(window)) * (bins - 1) / (_PADDED * bins)
     falls = int(np.argmax(window < _INCOHERENT))
     again = np.flatnonzero((window > _COHERENT) & (np.arange(len(window)) > falls))
     if window[falls] < _INCOHERENT and len(again):
         first = int(again[0])
         # the top of that peak
-        top = first + int(np.argmax(window[first : first + 2 * _PADDING]))
+        top = first + int(np.argmax(window[first : first + 2 * _PADDED]))
         most = min(most, max(float(np.round(2 * cycles[top])) / 4, 1.0))
     return most / span
 

@@ -37,10 +37,7 @@ def plot_cause(cause: Cause, context: Context, ax: Axes | None = None) -> Axes:
         column = SLOPE
         values = 2 * np.max(np.abs(context.slopes[cause.follows_slope[0]])) * np.array([-1, 1])
     if "outliers" in cause.acts_on:
-        column, values = (
-            "deviation, in sd of the other rows",
-            np.array([-_MAX_Z, _MAX_Z]),
-        )
+        column, values = "deviation, in sd of the other rows", _MAX_Z * np.array([-1, 1])
     x = np.linspace(values.min(), values.max(), 300)
     # a column of levels is only known at its levels
     if column in context.X and len(np.unique(values)) <= MAX_LEVELS:

@@ -89,9 +89,7 @@ def _approximations(
     lines = with_lines(target, minor)
     best = max(line.mode.log_mass for line in lines)
     modes = [
-        line.mode
-        for line in lines
-        if line.mode.log_mass > best + np.log(SETTINGS.min_proposal_share)
+        line.mode for line in lines if line.mode.log_mass > best + np.log(SETTINGS.min_proposed)
     ]
     proposals = [proposal for line in lines for proposal in line.proposals]
     return modes, proposals, any(line.position is not None for line in lines)

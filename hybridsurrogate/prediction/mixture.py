@@ -159,7 +159,7 @@ MixtureAt = Callable[..., Mixture]
 Draw = Callable[[Posterior, FloatArray, np.random.RandomState], FloatArray]
 # of some positive means none carries so large a share, unless their distribution has no mean: of
 # 200 log-normal ones with a standard deviation of 1.5 in logarithms in one of twelve cases
-_MOST_OF_MEAN = 0.2
+_HEAVY = 0.2
 
 
 def row_blocks(mixture_at: MixtureAt, X: FloatArray) -> list[slice]:
@@ -196,10 +196,7 @@ def _carried(means: list[FloatArray]) -> NDArray[np.bool_]:
     with np.errstate(invalid="ignore"):  # rows without a prediction
         each = [
             (np.min(m, axis=0) >= 0)
-            & (
-                (np.max(m, axis=0) > _MOST_OF_MEAN * np.sum(m, axis=0))
-                | np.isinf(np.max(m, axis=0))
-            )
+            & ((np.max(m, axis=0) > _HEAVY * np.sum(m, axis=0)) | np.isinf(np.max(m, axis=0)))
             for m in means
             if len(m) >= SOME_DRAWS
         ]
@@ -210,7 +207,7 @@ def warn_of_carried(carried: NDArray[np.bool_]) -> None:
     """Warn of rows whose mean a single draw carries."""
     if carried.any():
         warnings.warn(
-            f"At {carried.sum()} rows a single draw makes up more than {100 * _MOST_OF_MEAN:g} % "
+            f"At {carried.sum()} rows a single draw makes up more than {100 * _HEAVY:g} % "
             "of the mean, which may be infinite: another seed gives another mean. predict_interval "
             "does not depend on it; a tighter noise_prior or more rows make it finite.",
             SamplingWarning,

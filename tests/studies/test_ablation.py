@@ -59,10 +59,10 @@ def test_alarms_are_those_where_nothing_is_hidden():
 def test_a_number_is_set_for_a_while_and_counts_stay_counts():
     assert ablation.value_of("n_sizes", 0.5) == 5
     assert ablation.value_of("n_sizes", 0.0) == 1
-    usual = SETTINGS.pruning_margin
-    with ablation.setting("pruning_margin", ablation.value_of("pruning_margin", 2.0)):
-        assert SETTINGS.pruning_margin == 2 * usual
-    assert SETTINGS.pruning_margin == usual
+    usual = SETTINGS.max_behind
+    with ablation.setting("max_behind", ablation.value_of("max_behind", 2.0)):
+        assert SETTINGS.max_behind == 2 * usual
+    assert SETTINGS.max_behind == usual
 
 
 def test_rows_are_kept_and_a_stopped_run_goes_on(tmp_path, monkeypatch):

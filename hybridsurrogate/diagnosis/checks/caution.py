@@ -33,7 +33,7 @@ class CheckSettings:
     search_runs, fold_share : int, float
         Sets of parameters that a search runs (25 000 and 107 000 with five folds at two parameters
         and 50 rows, 33 000 to 112 000 in other cases), and those of a fold in shares of it.
-    chance_margin : float
+    chance_sd : float
         Standard deviations that a difference has by chance. And rows that agree: one or two may
         by chance where the output is rounded. And floors of the noise: what a search leaves open
         by a few of them is no better known.
@@ -64,7 +64,7 @@ class CheckSettings:
     least_rows: int = 8
     search_runs: int = 30_000
     fold_share: float = 0.65
-    chance_margin: float = 3.0
+    chance_sd: float = 3.0
     nearly_all: float = 0.9
     majority: float = 0.5
     copy_rounding: float = 1e-9

@@ -287,7 +287,7 @@ def _named_factor(gain: float) -> str:
 def _named_shift(simulated: FloatArray, y: FloatArray) -> str | None:
     """Return the shift between two units of temperature, where it is one."""
     spread = float(np.std(y))
-    if not np.all(np.abs(np.mean(y - simulated, axis=1)) > SETTINGS.chance_margin * spread):
+    if not np.all(np.abs(np.mean(y - simulated, axis=1)) > SETTINGS.chance_sd * spread):
         return None
     for (offset, factor), words in _SHIFTED.items():
         left = np.mean(y - offset - factor * simulated, axis=1)

@@ -60,7 +60,7 @@ def copied_rows(X: FloatArray, y: FloatArray) -> list[Caution]:
     """
     again = len(X) - len(np.unique(X, axis=0))
     alike = len(X) - len(np.unique(np.column_stack([X, y]), axis=0))
-    if alike < SETTINGS.chance_margin or 2 * alike <= again:
+    if alike < SETTINGS.chance_sd or 2 * alike <= again:
         return []
     sentence = (
         f"{alike} of {len(X)} measured rows are copies of others, in every input and in the "
@@ -133,7 +133,7 @@ def is_exact(result: Search) -> bool:
         or (w.cause.changes_output and not w.cause.is_process and "noise" not in w.cause.acts_on)
     ]
     return problem.likelihood.gaussian and (
-        min(rest) <= SETTINGS.chance_margin * NEGLIGIBLE * problem.scale
+        min(rest) <= SETTINGS.chance_sd * NEGLIGIBLE * problem.scale
     )
 
 
@@ -144,7 +144,7 @@ def exact(result: Search) -> list[Caution]:
     ----------
     result : Search
     """
-    alone = result.candidates[0].fit.sigma <= SETTINGS.chance_margin * BLUR * result.problem.scale
+    alone = result.candidates[0].fit.sigma <= SETTINGS.chance_sd * BLUR * result.problem.scale
     what = "The simulation meets" if alone else "With a cause the simulation meets"
     return [
         Caution(
@@ -217,7 +217,7 @@ def _far_off(result: Search, missed: FloatArray) -> NDArray[np.intp]:
         here = of == output
         away = np.abs(missed[here] - np.median(missed[here]))
         sd = float(median_abs_deviation(missed[here], scale="normal"))
-        sd = max(sd, SETTINGS.chance_margin * NEGLIGIBLE * problem.scale)
+        sd = max(sd, SETTINGS.chance_sd * NEGLIGIBLE * problem.scale)
         far[here] = away > SETTINGS.outlying_sd * sd
     most = max(2, int(SETTINGS.outlying_share * len(missed)))
     rows = np.flatnonzero(far)
@@ -353,7 +353,7 @@ def dispersion_of(
     center = np.broadcast_to(mean[..., open_], (2, REPLICATES, int(open_.sum())))
     again = likelihood.sample(center, np.ones((1, 1, 1)), random)
     replicates, _ = _squares(likelihood, mean[..., open_], again)
-    statistic, drawn = (_mean(each, SETTINGS.chance_margin**2) for each in (squares, replicates))
+    statistic, drawn = (_mean(each, SETTINGS.chance_sd**2) for each in (squares, replicates))
     p_value = (1 + np.sum(drawn >= statistic)) / (1 + REPLICATES)
     ratio = _mean(squares, np.inf)[0] / np.mean(_mean(replicates, np.inf))
     return Dispersion(float(ratio), float(p_value))

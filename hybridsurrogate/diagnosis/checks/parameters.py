@@ -245,11 +245,8 @@ def confounded(table: pd.DataFrame) -> pd.DataFrame:
     correlation, the data did separate them.
     """
     correlated = table["correlation"].abs() >= SETTINGS.nearly_all
-    return table[
-        correlated
-        & (table["width"] >= SETTINGS.majority)
-        & (table["absorbed"] >= SETTINGS.majority)
-    ]
+    least = table[["width", "absorbed"]].min(axis=1, skipna=False)
+    return table[correlated & (least >= SETTINGS.majority)]
 
 
 def sentences_on_parameters(table: pd.DataFrame) -> Iterator[str]:

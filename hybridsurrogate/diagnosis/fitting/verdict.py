@@ -79,7 +79,7 @@ def conclude(
     same, of_kind = kinds_of_same_curve(found, chosen), found.kind_shares
     share = sum(of_kind[kind] for kind in (chosen.kind, *same))
     last = next(step for step in reversed(steps) if step.is_accepted)
-    word = "named" if share >= SETTINGS.naming_probability else "ambiguous"
+    word = "named" if share >= SETTINGS.naming_level else "ambiguous"
     if not chosen.has_name:
         word = "unexplained"
     elif word == "named" and has_residual_structure(last, residual_check):

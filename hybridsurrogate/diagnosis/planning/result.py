@@ -297,7 +297,7 @@ def detectability_of(
                     "detected": float(np.mean(found != NOTHING)),
                     "right": float(np.mean(found == kind)),
                     "named": float(
-                        np.mean((found == kind) & (some["share"] >= SETTINGS.naming_probability))
+                        np.mean((found == kind) & (some["share"] >= SETTINGS.naming_level))
                     ),
                     "confused": len(wrong) / len(some),
                     "confused_with": str(wrong.mode().iloc[0]) if len(wrong) else "",

@@ -55,7 +55,7 @@ def placed_together(
     candidates = list(conditional.candidates)
     elsewhere = np.array([w.log_evidence for w in nearby.candidates]) if nearby else evidence
     for k in able:
-        if all(w[k] > max(w[able]) - SETTINGS.pruning_margin for w in (elsewhere, evidence)):
+        if all(w[k] > max(w[able]) - SETTINGS.max_behind for w in (elsewhere, evidence)):
             candidates[k] = _together(result, first, conditional, candidates[k])
     return replace(conditional, candidates=candidates)
 
@@ -147,10 +147,8 @@ def scored(result: Search, causes: Sequence[Cause] | None = None) -> Search:
     screened = np.array([w.log_evidence for w in result.candidates])
     weight = screened + np.log(prior_of(result.candidates))
     order = np.argsort(-weight)[: SETTINGS.max_compared]
-    probable = {
-        0,
-        *(int(k) for k in order if weight[k] > weight[order[0]] - SETTINGS.pruning_margin),
-    }
+    least = weight[order[0]] - SETTINGS.max_behind
+    probable = {0, *(int(k) for k in order if weight[k] > least)}
     exact = {k: _log_evidence(result, result.candidates[k]) for k in sorted(probable)}
     exact = {k: value for k, value in exact.items() if np.isfinite(value)}
     if 0 not in exact:

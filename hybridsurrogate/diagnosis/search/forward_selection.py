@@ -305,7 +305,7 @@ def _look_ahead(
         waiting = [at]
     elsewhere = _pairs_elsewhere(result, causes, named, nearby)
     if elsewhere:
-        within = max(elsewhere.values()) - SETTINGS.pruning_margin
+        within = max(elsewhere.values()) - SETTINGS.max_behind
         waiting = [k for k in waiting if k == at or elsewhere.get(k, np.inf) > within]
     in_doubt = len(waiting) > 1
     made: dict[int, Search] = {}
@@ -317,7 +317,7 @@ def _look_ahead(
         alone = log_prior[k] + first.log_evidence
         # where all is explained, there is nothing to place in addition to the first
         left = in_doubt or second.probability[0] < 0.5
-        within = max(values.values(), default=-np.inf) - SETTINGS.pruning_margin
+        within = max(values.values(), default=-np.inf) - SETTINGS.max_behind
         if left and alone + _evidence_of_others(second) > within:
             known = _nearby(second.problem.model, _others(causes, first), nearby)
             second = placed_together(result, first, second, known)

@@ -156,15 +156,13 @@ def _far_behind(
     # could not be followed at all gets its other starting points, too
     of_any_shape = [any(e.kind == "unexplained" for e in fit.model.effects[-1:]) for fit in fits]
     weight = np.where(np.isfinite(reached), reached + log_prior, -np.inf)
-    enough = (
-        float(np.max(weight[~np.array(of_any_shape)], initial=-np.inf)) - SETTINGS.pruning_margin
-    )
+    enough = float(np.max(weight[~np.array(of_any_shape)], initial=-np.inf)) - SETTINGS.max_behind
     behind = weight < enough
     for k in map(int, np.flatnonzero(behind & np.isfinite(reached))):
         if len(fits[k].grid.nodes):
             missed = _between_nodes(context, fits[k], scans[k], sizes)
             # what gains so much without an optimisation may gain as much again by one
-            behind[k] = weight[k] + missed < enough and missed < SETTINGS.pruning_margin
+            behind[k] = weight[k] + missed < enough and missed < SETTINGS.max_behind
     return np.where(behind & np.isfinite(reached), reached, np.nan)[1:], enough
 
 
@@ -375,7 +373,7 @@ def _within_reach(nearby: Search, causes: Sequence[Cause]) -> NDArray[np.intp]:
         log_share = np.log(nearby.probability[1:])
     best = np.max(log_share, initial=-np.inf)
     always = np.array([cause.is_process or cause.is_correlated_noise for cause in causes])
-    return np.flatnonzero(always | (log_share > best - SETTINGS.pruning_margin))
+    return np.flatnonzero(always | (log_share > best - SETTINGS.max_behind))
 
 
 def _compare(

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import stats
 
-from hybridsurrogate.effects.base import STANDARD_SD, Cause, Context, FloatArray, Rows, quantiles
+from hybridsurrogate.effects.base import UNIT_SD, Cause, Context, FloatArray, Rows, quantiles
 from hybridsurrogate.effects.context import UNKNOWN, Axis
 from hybridsurrogate.effects.expressions import Code
 from hybridsurrogate.effects.over_column import OverColumn
@@ -69,7 +69,7 @@ class Autocorrelation(OverColumn):
     )
     unknowns = ("length", "amplitude")
     is_process = True
-    coefficient_sd = STANDARD_SD
+    coefficient_sd = UNIT_SD
     coefficients = (
         "constant",
         *(f"{wave}_{k}" for k in range(1, _N_PAIRS + 1) for wave in ("cos", "sin")),

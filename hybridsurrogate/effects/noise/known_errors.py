@@ -11,15 +11,7 @@ import numpy as np
 import pandas as pd
 from scipy import stats
 
-from hybridsurrogate.effects.base import (
-    ERROR,
-    STANDARD_SD,
-    Cause,
-    Context,
-    Declared,
-    FloatArray,
-    Rows,
-)
+from hybridsurrogate.effects.base import ERROR, UNIT_SD, Cause, Context, Declared, FloatArray, Rows
 from hybridsurrogate.effects.context import MAX_EXPERIMENTS, position_among
 from hybridsurrogate.effects.expressions import Code
 from hybridsurrogate.effects.over_column import OverExperiments
@@ -214,7 +206,7 @@ class SharedErrors(OverExperiments):
 
     kind = "shared-errors"
     about = "column"
-    coefficient_sd = STANDARD_SD
+    coefficient_sd = UNIT_SD
     # what was measured is off
     changes_output = False
 

@@ -24,7 +24,7 @@ from hybridsurrogate.effects.base import (
 )
 from hybridsurrogate.effects.expressions import Code
 from hybridsurrogate.effects.registry import Form, register
-from hybridsurrogate.likelihoods.student_t import LARGEST_OUTLIER, SMALLEST_OUTLIER
+from hybridsurrogate.likelihoods.student_t import NARROWEST, WIDEST
 from hybridsurrogate.numerics.digits import listing
 from hybridsurrogate.numerics.digits import number as rounded
 from hybridsurrogate.priors import frozen
@@ -310,8 +310,8 @@ class Outliers(Declared):
 
     def code(self) -> Code:
         """Return the cause as Python."""
-        ratio = LARGEST_OUTLIER / SMALLEST_OUTLIER
-        wide = f"{SMALLEST_OUTLIER:g} * {ratio:g} ** {{random}}.random({{n}})"
+        ratio = WIDEST / NARROWEST
+        wide = f"{NARROWEST:g} * {ratio:g} ** {{random}}.random({{n}})"
         return Code(
             "{sigma} * {factor} * {random}.standard_normal({n})",
             {"share": "1"},
@@ -325,7 +325,7 @@ class Outliers(Declared):
         """Return the extended simulation in words."""
         return (
             f"simulation, and {100 * values['share']:.2g} % of the measurements scatter "
-            f"{SMALLEST_OUTLIER:g} to {LARGEST_OUTLIER:g} times as much as the others"
+            f"{NARROWEST:g} to {WIDEST:g} times as much as the others"
         )
 
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy import stats
 
 from hybridsurrogate.effects.base import (
-    STANDARD_SD,
+    UNIT_SD,
     Cause,
     Context,
     Declared,
@@ -250,7 +250,7 @@ class CurveByExperiment(OverColumn):
     kind = "curve-by-experiment"
     unknowns = ("length", "amplitude")
     is_process = True
-    coefficient_sd = STANDARD_SD
+    coefficient_sd = UNIT_SD
 
     column: str
     by: str
@@ -443,7 +443,7 @@ class Remainder(Declared):
     """
 
     kind = "remainder"
-    coefficient_sd = STANDARD_SD
+    coefficient_sd = UNIT_SD
     is_learned = False
 
     size: float

@@ -74,12 +74,10 @@ def own_draws(
     value = np.maximum(value[first], np.finfo(float).min / 2)
     mode, _, hessian = optimise_density(log_density, starts[first], value)
     factor = PROPOSAL_SCALE * factors(hessian)
-    scaled = standard_student_draws((SETTINGS.proposals_per_draw, S, d), random_state)
+    scaled = standard_student_draws((SETTINGS.draw_proposals, S, d), random_state)
     points = mode + np.einsum("sij,msj->msi", factor, scaled)
-    log_weight = log_density(
-        points.reshape(-1, d), np.tile(np.arange(S), SETTINGS.proposals_per_draw)
-    )
-    log_weight = log_weight.reshape(SETTINGS.proposals_per_draw, S) - standard_student(
+    log_weight = log_density(points.reshape(-1, d), np.tile(np.arange(S), SETTINGS.draw_proposals))
+    log_weight = log_weight.reshape(SETTINGS.draw_proposals, S) - standard_student(
         np.sum(scaled**2, axis=2), d
     )
     share = node_shares(log_weight)

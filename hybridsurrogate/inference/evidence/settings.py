@@ -25,7 +25,7 @@ class SearchSettings:
     grouped_lengths : int
         Groups of neighbouring lengths of a process, each of one evidence, where it is compared
         with another process in addition: 24 of 94 change its evidence by 0.02.
-    pruning_margin : float
+    max_behind : float
         A cause so far behind the best one, prior odds included, is not refined after a first
         optimisation, nor scored by importance sampling. A pair so far behind the best pair gets no
         joint refit. What is so far behind
@@ -62,7 +62,7 @@ class SearchSettings:
         92 % rightly. And rounds in which the noise of several outputs is estimated anew: in six
         cases the first gained 1.4 to 9 nats for the cause of most evidence, the second up to 0.3,
         further ones less than 0.03. And turns in which each of two causes is placed once.
-    naming_probability : float
+    naming_level : float
         Probability from which one cause is named: three times that of all alternatives together.
     optimiser_steps, halving_steps : int
         Steps of Gauss-Newton, Levenberg-Marquardt or, with outliers, of EM; and steps between two
@@ -81,7 +81,7 @@ class SearchSettings:
     isolated_rows: float = 2.05
     isolated_odds: float = 0.01
     grouped_lengths: int = 24
-    pruning_margin: float = 12.0
+    max_behind: float = 12.0
     probed_nodes: int = 8
     probing_rounds: int = 5
     refit_noise_ratio: float = 0.5
@@ -96,7 +96,7 @@ class SearchSettings:
     max_compared: int = 8
     max_pair_searches: int = 4
     alternation_rounds: int = 2
-    naming_probability: float = 0.75
+    naming_level: float = 0.75
     optimiser_steps: int = 25
     halving_steps: int = 2
     max_population: int = 8000

@@ -88,7 +88,7 @@ def mixture_log_density(components: list[Gaussian], points: FloatArray) -> Float
 
 def _shares(components: list[Gaussian]) -> FloatArray:
     mass = np.array([g.log_mass for g in components])
-    least = min(SETTINGS.min_proposal_share, 0.5 / len(components))
+    least = min(SETTINGS.min_proposed, 0.5 / len(components))
     share = np.maximum(np.exp(mass - np.logaddexp.reduce(mass)), least)
     return share / share.sum()
 

@@ -26,7 +26,7 @@ class SamplingSettings:
     adapted_khat : float
         Rounds of adaptation stop here. Around bends up to 6.5 % of draws lie beyond an end that
         should leave 5 % where they stop at 0.5, up to 5.7 % at 0.3.
-    min_mode_share, min_proposal_share : float
+    min_mode_share, min_proposed : float
         A mode with less of the best one's mass has no proposals; one of these with less of the
         weight stays where it is, and counts as if it had that; each has at least the second share
         of the points, and a mode with this share of the best one's mass makes a posterior
@@ -73,7 +73,7 @@ class SamplingSettings:
     node_density_change : float
         Of the log density from a node of the grid over a prior to a point of its cell, at which
         cells are as wide as two standard deviations of the posterior.
-    proposals_per_draw : int
+    draw_proposals : int
         Given each coefficient draw.
     output_truncation : float
         What leading directions of the coefficients may leave out of an output on average, in
@@ -90,7 +90,7 @@ class SamplingSettings:
     evidence_starts: int = 2
     adapted_khat: float = 0.3
     min_mode_share: float = 1e-3
-    min_proposal_share: float = 0.05
+    min_proposed: float = 0.05
     line_points: int = 200
     normality_distance: float = 0.25
     bins: int = 40
@@ -107,7 +107,7 @@ class SamplingSettings:
     ensemble_steps: int = 200
     gaussian_moves: float = 0.7
     node_density_change: float = 0.5
-    proposals_per_draw: int = 60
+    draw_proposals: int = 60
     output_truncation: float = 3e-3
     many_dimensions: int = 10
 

@@ -20,7 +20,7 @@ from hybridsurrogate.numerics.linear_algebra import NEGLIGIBLE
 from hybridsurrogate.types import FloatArray
 
 # what the components leave of the spread of all curves, and how many there are at most
-COMPONENT_REST, _MAX_COMPONENTS = 1e-3, 40
+LEFT_OUT, _MAX_COMPONENTS = 1e-3, 40
 
 
 class Between(Protocol):
@@ -135,7 +135,7 @@ def principal(
     mean = outputs.mean(axis=0)
     left, size, curves = np.linalg.svd(outputs - mean, full_matrices=False)
     rest = np.append(np.cumsum(size[::-1] ** 2)[::-1], 0.0)
-    k = int(np.argmax(rest <= max(COMPONENT_REST**2 * rest[0], 1e-300)))
+    k = int(np.argmax(rest <= max(LEFT_OUT**2 * rest[0], 1e-300)))
     directions, n = scatter.directions, len(outputs)
     if directions:
         least = n * scatter.along(curves[:k]) * _by_chance(directions, n)

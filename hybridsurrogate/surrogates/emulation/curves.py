@@ -12,12 +12,7 @@ from hybridsurrogate.surrogates.emulation.between_places import (
     between_places,
     degree_of,
 )
-from hybridsurrogate.surrogates.emulation.components import (
-    COMPONENT_REST,
-    Curves,
-    principal,
-    scatter_of,
-)
+from hybridsurrogate.surrogates.emulation.components import LEFT_OUT, Curves, principal, scatter_of
 from hybridsurrogate.surrogates.emulation.covariance import MAX_DENSE
 from hybridsurrogate.types import FloatArray
 
@@ -146,7 +141,7 @@ def _filled(table: FloatArray) -> FloatArray:
         mean = curves.mean(axis=0)
         _, size, axes = np.linalg.svd(curves - mean, full_matrices=False)
         factor = axes.T * (size / np.sqrt(len(curves)))
-        noise = (COMPONENT_REST * float(np.std(curves))) ** 2
+        noise = (LEFT_OUT * float(np.std(curves))) ** 2
         moved = 0.0
         for k in incomplete:
             there = ~gaps[k]
@@ -156,7 +151,7 @@ def _filled(table: FloatArray) -> FloatArray:
             again = (mean + factor @ score)[gaps[k]]
             moved = max(moved, float(np.max(np.abs(again - out[k, gaps[k]]))))
             out[k, gaps[k]] = again
-        if moved < COMPONENT_REST * float(np.std(out)):
+        if moved < LEFT_OUT * float(np.std(out)):
             break
         source = slice(None)
     return out

@@ -28,13 +28,7 @@ from hybridsurrogate.types import FloatArray
 
 # runs, and places between them, on which the features stand: at most so many, fewer where all
 # others are as good as known, to these shares of the variance of the outputs
-_MAX_STANDS, _MAX_FEATURES, _RUN_REST, _MAX_MORE, _MORE_REST = (
-    500,
-    200,
-    1e-5,
-    100,
-    3e-4,
-)
+_STANDS, _FEATURES, _REST, _MORE_FEATURES, _MORE_REST = 500, 200, 1e-5, 100, 3e-4
 
 
 class Kriging(Surrogate):
@@ -108,7 +102,7 @@ class Kriging(Surrogate):
             raise ValueError(needs)
         ranges = np.vstack([domain.input_ranges, domain.parameter_ranges])
         process = process_through(trend, ranges, domain.X, domain.omega, domain.eta)
-        runs = process.some(domain.X, domain.omega, domain.eta, _MAX_STANDS)
+        runs = process.some(domain.X, domain.omega, domain.eta, _STANDS)
         matrix = runs.places.alike(runs.places)
         sd = conditioned(matrix, process.covariance.nugget, runs.residual).sd[0]
         # outputs that are all the same would leave nothing to learn
@@ -132,7 +126,7 @@ def _stands(
     Journal of Machine Learning Research 6:1939, section 5): others are added there.
     """
     factor, chosen = pivoted_cholesky(
-        np.diagonal(matrix), lambda k: matrix[k], _RUN_REST * spread, _MAX_FEATURES
+        np.diagonal(matrix), lambda k: matrix[k], _REST * spread, _FEATURES
     )
     stands = runs.of(chosen)
     points = draw_design(process.ranges.tolist(), MAX_DENSE, random_state=0)
@@ -143,7 +137,7 @@ def _stands(
     def column(k: int) -> FloatArray:
         return between_runs.alike(between_runs.of(slice(k, k + 1)))[:, 0] - white @ white[k]
 
-    _, more = pivoted_cholesky(left, column, _MORE_REST * spread, _MAX_MORE)
+    _, more = pivoted_cholesky(left, column, _MORE_REST * spread, _MORE_FEATURES)
     return stands.joined(between_runs.of(more))
 
 

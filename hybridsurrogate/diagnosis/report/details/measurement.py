@@ -43,7 +43,7 @@ def _sentences(view: View, worth: str) -> list[str]:
     if result.next_measurement.information < SETTINGS.min_information:
         why = (
             "the data have decided between them"
-            if asked.probability.max() >= EVIDENCE.naming_probability
+            if asked.probability.max() >= EVIDENCE.naming_level
             else "within what was simulated they predict nearly the same"
         )
         return [
