@@ -18,10 +18,12 @@ from hybridsurrogate.ode.dynamics import WanderingParameter, coefficients, wave_
 from hybridsurrogate.priors import frozen, prior_sd
 from hybridsurrogate.types import Prior
 
-# the shortest reaches from peak to trough over 4 % of the range; with 30 fits take thrice as long
+# the shortest reaches from peak to trough over 4 % of the range; with 30 fits take thrice as long,
+# with 12 scores of 20 courses are 0.13 nats a row (standard error 0.06) lower
 _N_WAVES = 24
 # of the input scaled to [-1, 1]: a parameter that jumps to another level at random has this
-# correlation if it jumps twice in the range, on average
+# correlation if it jumps twice in the range, on average. Of twice the length, three of four fast
+# courses are those of the wrong parameter
 _LENGTH = 1.0
 
 

@@ -20,6 +20,7 @@ from hybridsurrogate.numerics.linear_algebra import SINGULAR
 from hybridsurrogate.numerics.psis import KHAT_LIMIT, level_smooth, pareto_smooth
 from hybridsurrogate.types import FloatArray
 
+# with 10, k-hats of 36 fits are 0.10 (standard error 0.04) larger, with 2.5 they are the same
 _DEGREES_OF_FREEDOM = 5.0
 # of its standard deviations: at 1.0, those of 176 fresh densities are off by 0.004 (standard error
 # 0.001) more on average
