@@ -207,7 +207,8 @@ def fit_linear(
     return LinearEmulator(basis, mean, covariance, sd, noise, left_out)
 
 
-# the rest of a variance when its factor has enough columns, in shares of the median
+# the rest of a variance when its factor has enough columns, in shares of the median: of a hundredth
+# of it evidence of one of 14 searches is 3.8 nats off
 _REST_SHARE = 1e-4
 
 

@@ -22,6 +22,7 @@ from hybridsurrogate.diagnosis.search.null_test import NullTest, evidence_at_nul
 from hybridsurrogate.diagnosis.search.search import Search
 from hybridsurrogate.effects.base import Cause
 from hybridsurrogate.inference.evidence.grid import Grid, make_grid, with_cells
+from hybridsurrogate.inference.evidence.levenberg_marquardt import REACH_SD
 from hybridsurrogate.inference.evidence.linearised import Linearised, linearised_pieces
 from hybridsurrogate.model.observation import MeasuredModel
 from hybridsurrogate.model.posterior import FEW_DRAWS
@@ -104,8 +105,6 @@ def output_of(parts: Linearised, z: FloatArray) -> FloatArray:
 
 # parameters that follow more of a curve than this leave nothing to detect
 _MIN_LEFT_SHARE = 0.1
-# how far a parameter is moved at most, in standard deviations of its prior
-_MAX_MOVE = 3.0
 # of a shape that has its size: how near, on a logarithmic scale, it has to be, before it is scaled
 _SIZE_TOLERANCE = 0.3
 
@@ -220,9 +219,9 @@ def _shapes(
     valid = np.isfinite(size) & (size > _MIN_LEFT_SHARE * raw) & (size > 0)
     unit = np.where(valid, size, 1.0)
     if q:
-        # a parameter moves within its prior
+        # a parameter moves within its prior, as far as searches start
         with np.errstate(divide="ignore"):
-            reach = _MAX_MOVE * np.min(parts.cap / np.abs(direction), axis=1)
+            reach = REACH_SD * np.min(parts.cap / np.abs(direction), axis=1)
         largest = reach * unit
     else:
         smallest, largest = unit * np.exp(-_SIZE_TOLERANCE), unit * np.exp(_SIZE_TOLERANCE)

@@ -27,7 +27,7 @@ from hybridsurrogate.types import FloatArray
 
 # places far away: along a size, how far these reach in standard deviations of the prior, and
 # besides; how much better (minus twice the log posterior) one has to be
-_LINE_POINTS, _REACH_SD, _N_SPREAD, _WORTH_FOLLOWING = 49, 2.4, 400, 2.0
+_LINE_POINTS, REACH_SD, _N_SPREAD, _WORTH_FOLLOWING = 49, 2.4, 400, 2.0
 # sizes that starts move to either side, in all combinations
 _MAX_MOVED_SIZES = 4
 
@@ -107,7 +107,7 @@ def best_of_global_starts(
     line = np.tile(grid.neutral, (_LINE_POINTS, 1))
     line[:, : len(centre)] = centre
     line[:, grid.nodes] = _at_nodes(model, grid, np.array([len(grid.points) // 2]))
-    line[:, grid.sizes[0]] = np.linspace(-_REACH_SD, _REACH_SD, _LINE_POINTS)
+    line[:, grid.sizes[0]] = np.linspace(-REACH_SD, REACH_SD, _LINE_POINTS)
     residual = _Residual(model, X, y, emulator, floor)
 
     def deviance(z: FloatArray) -> FloatArray:
@@ -127,7 +127,7 @@ def best_of_global_starts(
     spread = np.tile(line[0], (wide, 1))
     place = [*np.arange(model.n_parameters), *grid.sizes]
     # far out in a heavy tail an ODE would be solved for many times the measured span
-    spread[:, place] = np.clip(random.standard_normal((wide, len(place))), -_REACH_SD, _REACH_SD)
+    spread[:, place] = np.clip(random.standard_normal((wide, len(place))), -REACH_SD, REACH_SD)
     spread[:, grid.nodes] = _at_nodes(model, grid, random.randint(len(grid.points), size=wide))
     z = np.vstack([known, line, spread])
     value = np.concatenate([deviance(known[None]), along, deviance(spread)])
