@@ -22,6 +22,7 @@ from hybridsurrogate.effects.base import (
     Rows,
     quantiles,
 )
+from hybridsurrogate.effects.context import MAX_TRIED_ROWS
 from hybridsurrogate.effects.expressions import Code
 from hybridsurrogate.effects.registry import Form, register
 from hybridsurrogate.likelihoods.student_t import NARROWEST, WIDEST
@@ -30,8 +31,8 @@ from hybridsurrogate.numerics.digits import number as rounded
 from hybridsurrogate.priors import frozen
 from hybridsurrogate.types import Prior
 
-# rows that are tried one by one, and rows of which pairs are: those that the simulation misses most
-MAX_SINGLE_ROWS, _MAX_PAIRED_ROWS = 200, 12
+# rows of which pairs are tried: those that the simulation misses most
+_MAX_PAIRED_ROWS = 12
 
 
 class GrossRow(NamedTuple):
@@ -137,7 +138,7 @@ class GrossError(Declared):
         table = np.column_stack(list(context.X.values()))
         # those that the simulation misses most first
         likely = np.argsort(-np.abs(context.missed), kind="stable").tolist() or range(len(table))
-        tried = sorted(likely[: MAX_SINGLE_ROWS if self.n_rows == 1 else _MAX_PAIRED_ROWS])
+        tried = sorted(likely[: MAX_TRIED_ROWS if self.n_rows == 1 else _MAX_PAIRED_ROWS])
         sets = np.array(list(combinations(tried, self.n_rows)), dtype=np.intp)
         return self.filled(table=table, columns_of_table=tuple(context.X), sets=sets)
 

@@ -20,7 +20,13 @@ from hybridsurrogate.effects.base import (
     of_wave,
     quantiles,
 )
-from hybridsurrogate.effects.context import LONGEST_PERIOD, MAX_GAPS, UNKNOWN, Axis, period_nodes
+from hybridsurrogate.effects.context import (
+    LONGEST_PERIOD,
+    MAX_TRIED_ROWS,
+    UNKNOWN,
+    Axis,
+    period_nodes,
+)
 from hybridsurrogate.effects.expressions import Code
 from hybridsurrogate.effects.registry import Form, register
 from hybridsurrogate.likelihoods.base import MAX_ETA
@@ -220,7 +226,7 @@ class ParameterDrift(Declared):
         The simulation runs at every node, so there are fewer than for a curve that is added.
         """
         others = self.others or {}
-        if self.shape == "step" and len(self.axis.rows) <= MAX_GAPS:
+        if self.shape == "step" and len(self.axis.rows) <= MAX_TRIED_ROWS:
             return {"location": self.axis.gaps(others["location"])}
         shares = {"location": 24 if self.shape == "step" else 16, "width": 4}
         nodes = {
