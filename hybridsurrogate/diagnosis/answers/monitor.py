@@ -27,7 +27,7 @@ from hybridsurrogate.diagnosis.search.search import Search
 from hybridsurrogate.estimators.averaged import AveragedSurrogate
 from hybridsurrogate.estimators.power_scaled import PowerScaledSurrogate
 from hybridsurrogate.likelihoods import Likelihood, TransformedNormal
-from hybridsurrogate.model.posterior import MIN_EFFECTIVE
+from hybridsurrogate.model.posterior import MIN_EFFECTIVE, SOME_DRAWS
 from hybridsurrogate.model.rows.measured_data import GivenRows, new_errors, without_gaps
 from hybridsurrogate.numerics.linear_algebra import LARGE_BLOCK, blocks
 from hybridsurrogate.simulation.arrays import as_numbers, complete_table
@@ -36,10 +36,6 @@ from hybridsurrogate.types import FloatArray
 # prior standard deviation of a shift, and factor of a wider spread, in those of the prediction: a
 # mixture with 3 and 4 sees shifts of 0.5 to 4 and factors of 1.5 to 8 later
 _SHIFT, _SPREAD = 1.0, 2.0
-# share of the draws: they are made anew, with the measurements so far, where they are worth fewer
-_MIN_EFFECTIVE_SHARE = 0.25
-# values of each draw, for the quantile under a likelihood that is not normal
-_N_VALUES = 20
 
 
 @dataclass(frozen=True)
@@ -220,7 +216,8 @@ def _deviations(
     log_weight[:, 1:] += np.cumsum(log_density, axis=1)
     weight = special.softmax(log_weight, axis=0)
     worth = 1 / np.sum(weight[:, :-1] ** 2, axis=0)
-    least = min(MIN_EFFECTIVE, _MIN_EFFECTIVE_SHARE * counts[0])
+    # draws are made anew, with the measurements so far, where they are worth fewer
+    least = min(MIN_EFFECTIVE, counts[0] / 2)
     # a whole row of outputs at a time, and the first row in any case
     spent = there[worth < least] // width
     spent = spent[spent > 0]
@@ -244,11 +241,11 @@ def _below(likelihood: Likelihood, y: FloatArray, eta: FloatArray, sigma: FloatA
     random = np.random.RandomState(0)
     split = random.uniform(size=len(y))
     total = np.zeros(eta.shape)
-    for _ in range(_N_VALUES):
+    for _ in range(SOME_DRAWS):
         drawn = likelihood.sample(eta, sigma, random)
         total += (drawn < y) + split * (drawn == y)
     # never quite none or all
-    return (total + 0.5) / (_N_VALUES + 1)
+    return (total + 0.5) / (SOME_DRAWS + 1)
 
 
 def log_odds(z: FloatArray) -> tuple[FloatArray, NDArray[np.intp]]:
