@@ -245,7 +245,7 @@ def _line(
         sd = float(precision[position, position] ** -0.5)
         # close around the mode, with the nodes between
         centre = mode.mean[position]
-        away = np.geomspace(sd / SETTINGS.bins, 2 * Z_LIMIT, SETTINGS.line_points)
+        away = np.geomspace(sd / SETTINGS.bins, 2 * Z_LIMIT, SETTINGS.bins)
         z = np.unique(np.concatenate([centre - away, [centre], centre + away, nodes]))
         z = z[np.abs(z) <= Z_LIMIT]
         edges, log_mass = _cells(z, target.search_density(_along(mode.mean, position, z)))

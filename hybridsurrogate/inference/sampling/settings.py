@@ -31,14 +31,14 @@ class SamplingSettings:
         weight stays where it is, and counts as if it had that; each has at least the second share
         of the points, and a mode with this share of the best one's mass makes a posterior
         multimodal.
-    line_points : int
-        Along a line to each side of a mode, the further away the further apart.
     normality_distance : float
         Total variation distance from which on a normal is a poor proposal along a line. Without
         lines, standard deviations of 14 posteriors with steps, episodes or periods are off by 0.05
         instead of 0.03 on average.
     bins, bin_sd : int, float
-        Of a piecewise proposal; the standard deviation of a bin's in widths.
+        Of a piecewise proposal, and points along a line to each side of a mode, the further away
+        the further apart (with 200, k-hat of 36 fits differs by 0.003, standard error 0.009); the
+        standard deviation of a bin's in widths.
     few_rounds : int
         Starts of a search for modes. And Newton steps, and rounds of adaptation, where proposals
         need no more than about the right place: along a line (without any, standard deviations of
@@ -49,7 +49,7 @@ class SamplingSettings:
         instead of 23 of 232 such densities have a bad k-hat.
     converged_noise : float
         Change of the noise, as a share, at which fits that are repeated with their estimated noise
-        have converged.
+        have converged: with half a drift in data that are precise to a thousandth is not followed.
     min_matched_share : float
         Effective share below which moments are matched: with a tenth, means of 300 densities are
         off by 0.046 instead of 0.042 standard deviations.
@@ -88,7 +88,6 @@ class SamplingSettings:
     adapted_khat: float = 0.3
     min_mode_share: float = 1e-3
     min_proposed: float = 0.05
-    line_points: int = 200
     normality_distance: float = 0.25
     bins: int = 40
     bin_sd: float = 0.6
