@@ -13,6 +13,7 @@ from hybridsurrogate.command_line.options import (
     DATA,
     FOLDS,
     JOBS,
+    LIMITS,
     LOUDNESS,
     MEASURED,
     METHOD,
@@ -181,7 +182,7 @@ COMMANDS = (
         "predict",
         "predict from a saved fit or diagnosis",
         "Writes mean, standard deviation and 90 % interval of new measurements as csv. A diagnosis "
-        "predicts by its extended model.",
+        "predicts by its extended model. With limits the interval is that of what is recorded.",
         (
             _SAVED,
             Option(
@@ -193,6 +194,7 @@ COMMANDS = (
                 required=True,
                 in_file=False,
             ),
+            *LIMITS,
             _TABLE,
             *LOUDNESS,
         ),

@@ -14,7 +14,12 @@ from hybridsurrogate.command_line.output import (
     stage,
     write_files,
 )
-from hybridsurrogate.command_line.study import check_file_columns, model_of, read_study_data
+from hybridsurrogate.command_line.study import (
+    check_file_columns,
+    limits_in,
+    model_of,
+    read_study_data,
+)
 from hybridsurrogate.command_line.user_code import read_saved
 from hybridsurrogate.diagnosis import DiscrepancyDiagnosis
 from hybridsurrogate.diagnosis.report.summary import plain
@@ -66,10 +71,12 @@ def predict(given: argparse.Namespace) -> int:
     check_outputs(given)
     saved: Any = read_saved(given.saved)
     model = saved.extended_estimator_ if isinstance(saved, DiscrepancyDiagnosis) else saved
-    rows = _rows_for(model, read_table(given.new_inputs), given.new_inputs)
+    new = read_table(given.new_inputs)
+    rows = _rows_for(model, new, given.new_inputs)
+    below, above, _ = limits_in(new, given.new_inputs, given)
     known = rows if hasattr(model, "feature_names_in_") else rows.to_numpy()
     mean, sd = model.predict(known, return_std=True)
-    low, high = model.predict_interval(known, 0.9)
+    low, high = model.predict_interval(known, 0.9, below=below, above=above)
     outputs = model.simulation.outputs
     table = rows.copy()
     for k, name in enumerate(outputs):

@@ -267,8 +267,7 @@ def _likelihoods() -> Iterable[str]:
     return LIKELIHOODS
 
 
-MODEL = (
-    Option("likelihood", "text", "of the measurements", "normal", choices=_likelihoods),
+LIMITS = (
     Option(
         "below",
         "limit",
@@ -277,6 +276,10 @@ MODEL = (
         "Y",
     ),
     Option("above", "limit", "upper limit or column: y there or above means at least", None, "Y"),
+)
+MODEL = (
+    Option("likelihood", "text", "of the measurements", "normal", choices=_likelihoods),
+    *LIMITS,
     Option("rounded", "number", "step to whose multiples measurements were rounded", None, "STEP"),
     Option(
         "noise",

@@ -154,7 +154,7 @@ def read_study_data(given: argparse.Namespace) -> Study:
         later = _measured(new, measured.columns, given.output)
         # names mean the same level in both
         measured = pd.concat([measured, later[measured.columns]], ignore_index=True)
-    below, above, columns = _limits(given, measured)
+    below, above, columns = limits_in(measured, given.measured, given)
     measured = measured.drop(columns=columns)
     if runs is not None:
         runs, measured = with_days(runs, measured, given.inputs, (given.simulation, given.measured))
@@ -282,8 +282,19 @@ def _measured(path: str, names: Iterable[str], outputs: list[str]) -> pd.DataFra
     return table.dropna(axis="columns", how="all")
 
 
-def _limits(given: argparse.Namespace, measured: pd.DataFrame) -> tuple[Any, Any, list[str]]:
-    """Return lower and upper limit, one or that of each row, and the columns that hold them."""
+def limits_in(
+    table: pd.DataFrame, path: str, given: argparse.Namespace
+) -> tuple[Any, Any, list[str]]:
+    """Return lower and upper limit, one or that of each row, and the columns that hold them.
+
+    Parameters
+    ----------
+    table : pandas.DataFrame
+        What a file holds.
+    path : str
+    given : argparse.Namespace
+        With ``below`` and ``above``.
+    """
     limits: list[Any] = []
     columns = []
     for word in ("below", "above"):
@@ -291,12 +302,12 @@ def _limits(given: argparse.Namespace, measured: pd.DataFrame) -> tuple[Any, Any
         try:
             limits.append(None if text is None else float(text))
         except ValueError:
-            if text not in measured:
+            if text not in table:
                 raise ValueError(
-                    f"--{word} {text}: it is neither a number nor a column of {given.measured}, "
-                    f"which has {list(measured)}.{did_you_mean(text, measured)}"
+                    f"--{word} {text}: it is neither a number nor a column of {path}, which has "
+                    f"{list(table)}.{did_you_mean(text, table)}"
                 ) from None
-            limits.append(pd.to_numeric(measured[text]))
+            limits.append(pd.to_numeric(table[text]))
             columns.append(text)
     return *limits, columns
 

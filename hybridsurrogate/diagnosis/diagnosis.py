@@ -698,7 +698,13 @@ class DiscrepancyDiagnosis(RegressorMixin, BaseEstimator):
         return self.extended_estimator_.predict(X, return_std=return_std, y_err=y_err)
 
     def score(
-        self, X: ArrayLike, y: ArrayLike, sample_weight: ArrayLike | None = None, y_err: Any = None
+        self,
+        X: ArrayLike,
+        y: ArrayLike,
+        sample_weight: ArrayLike | None = None,
+        y_err: Any = None,
+        below: ArrayLike | None = None,
+        above: ArrayLike | None = None,
     ) -> float:
         """Return the mean ELPD per row of the extended estimator.
 
@@ -710,9 +716,12 @@ class DiscrepancyDiagnosis(RegressorMixin, BaseEstimator):
             Weights of the rows in the mean.
         y_err : float, str, array-like of the shape of y, or None, default=None
             As in ``predict``.
+        below, above : float, array-like of shape (n,) or None, default=None
+            Limits of the instrument at these rows: a y at its limit or beyond counts with the
+            probability of that. None: those of the likelihood.
         """
         check_is_fitted(self)
-        return self.extended_estimator_.score(X, y, sample_weight, y_err)
+        return self.extended_estimator_.score(X, y, sample_weight, y_err, below, above)
 
     def to_python(
         self, path: str | os.PathLike[str] | None = None, units: Mapping[str, str] | None = None

@@ -151,6 +151,8 @@ class Cause(BaseEstimator):
         Their prior standard deviation on the scale of eta; None: three times its spread.
     output : str or None
         Of several outputs the one that it concerns; None: all of them, or the only one.
+    by_output : bool
+        Whether it has numbers of its own for each of several outputs.
     meaning : str or None
         What the cause means for the one who wrote the simulation, for a report; None: as its kind.
     is_process : bool
@@ -211,6 +213,7 @@ class Cause(BaseEstimator):
     coefficients: tuple[str, ...] = ()
     coefficient_sd: float | None = None
     output: str | None = None
+    by_output: bool = False
     meaning: str | None = None
     is_process: bool = False
     is_one_level: bool = False

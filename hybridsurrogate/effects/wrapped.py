@@ -66,6 +66,11 @@ class InOutput(Wrapped):
                 f"The cause {self.cause.name!r} changes the simulation itself, and so all outputs: "
                 "give it without InOutput."
             )
+        if self.cause.by_output:
+            raise ValueError(
+                f"{self.cause.name} goes by output itself: give it without InOutput, and its "
+                f"numbers as {{{self.output!r}: ...}}."
+            )
         position = context.outputs.index(self.output)
         own = self.cause.prepare(of_output(context, position))
         scale = context.of_outputs[position].scale if self.scale is None else self.scale
@@ -179,7 +184,7 @@ def of_all_outputs(context: Context) -> Context:
 
 def prepared_for(cause: Cause, context: Context) -> Cause:
     """Return a cause prepared for rows of one output or of several."""
-    if cause.output is not None or not context.outputs:
+    if cause.output is not None or cause.by_output or not context.outputs:
         return cause.prepare(context)
     return cause.prepare(of_all_outputs(context))
 

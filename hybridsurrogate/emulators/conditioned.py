@@ -80,7 +80,7 @@ class LeftOut(NamedTuple):
 
 
 def _without(
-    points: FloatArray, weights: FloatArray, precision: FloatArray, noise: float
+    points: FloatArray, weights: FloatArray, precision: FloatArray, noise: FloatArray | float
 ) -> tuple[FloatArray, FloatArray]:
     """Return errors (n,) of runs that are left out, and their variances (n,).
 
@@ -111,7 +111,7 @@ def of_process(basis: KrigedBasis, y: FloatArray) -> LeftOut:
     """
     rows = used_rows(len(y))
     y = y[rows]
-    points, nugget = basis.runs.points, basis.process.covariance.nugget
+    points, nugget = basis.runs.points, basis.nugget
     precision = np.sum(basis.whiten**2, axis=0)
     error, variance = _without(points, basis.weights, precision, nugget)
     return LeftOut(rows, y, y - error, basis.sd * basis.local.at(points) * np.sqrt(variance))
@@ -134,7 +134,7 @@ def of_curves(basis: KrigedCurves, X: FloatArray, omega: FloatArray, y: FloatArr
     X, y, run = X[used], y[used], run[used]
     mean, curves, missed = emulator.components.at(X[:, emulator.along])
     mean = mean + np.einsum("nk,nk->n", curves, left.coefficients[run])
-    scatter = basis.noise(X) ** 2
+    scatter = basis.noise(X, omega[used]) ** 2
     # repeats are curves of their own, and the process's noise is that of their mean
     variance = left.variance - left.noise * bool(scatter.any())
     spread = np.maximum(variance, 0.0)[run] * np.sum((curves * emulator.sd) ** 2, axis=1)
@@ -232,6 +232,8 @@ class KrigedBasis(Basis):
         Of the process.
     local : LocalError
         Factors on the error where the runs show that it is larger.
+    nugget : ndarray of shape (n_runs,)
+        Variance of each run's noise in units of the process's.
     """
 
     process: Process
@@ -241,6 +243,7 @@ class KrigedBasis(Basis):
     whiten: FloatArray
     sd: float
     local: LocalError
+    nugget: FloatArray
 
     leaves_open = True
 
@@ -359,14 +362,21 @@ class KrigedCurves(Basis):
         """Return the error of interpolation between simulated places, (n,)."""
         return self.emulator.between(X)
 
-    def scatter(self, X: FloatArray) -> FloatArray:
+    def scatter(self, X: FloatArray, omega: FloatArray) -> FloatArray:
         """Return the part (n,) of `error` by which repeated runs differ."""
-        return np.linalg.norm(self.emulator.realisation(X), axis=1)
+        usual = np.linalg.norm(self.emulator.realisation(X), axis=1)
+        return usual * self.emulator.size(X, omega)
 
-    def noise(self, X: FloatArray) -> FloatArray:
+    def unrepeated(self, X: FloatArray) -> FloatArray:
+        """Return the part (n,) of `error` by which runs differ from those of near parameters."""
+        _, curves, _ = self.emulator.components.at(X[:, self.emulator.along])
+        size = np.sqrt(self.emulator.unrepeated)
+        return size * np.linalg.norm(curves * self.emulator.sd, axis=1)
+
+    def noise(self, X: FloatArray, omega: FloatArray) -> FloatArray:
         """Return the standard deviation of repeated runs, (n,)."""
         curves, rest = self.emulator.scatter(X)
-        return np.hypot(np.linalg.norm(curves, axis=1), rest)
+        return np.hypot(np.linalg.norm(curves, axis=1), rest) * self.emulator.size(X, omega)
 
     @property
     def with_features(self) -> CurveBasis:
@@ -481,6 +491,7 @@ def through_runs(
     omega: FloatArray,
     run_eta: FloatArray,
     most_open: int = MAX_DENSE,
+    shares: FloatArray | float = 1.0,
 ) -> KrigedBasis:
     """Return a process with a trend, conditioned on runs of one output.
 
@@ -490,12 +501,15 @@ def through_runs(
     X, omega, run_eta : ndarray of shape (n, n_inputs), (n, n_parameters), (n,)
     most_open : int, default=1000
         Of more runs the error is that given the first so many alone, which is a little larger.
+    shares : ndarray of shape (n,) or float, default=1.0
+        Of each run's noise variance, where it is not that of all runs.
     """
     none = np.empty(0)
     runs = process.some(X, omega, run_eta)
     matrix = runs.places.alike(runs.places)
-    nugget, first = process.covariance.nugget, slice(most_open)
-    fitted = conditioned(matrix[first, first], nugget, runs.residual[first])
+    nuggets = np.broadcast_to(process.covariance.nugget * shares, len(run_eta))
+    nugget, first = nuggets[used_rows(len(run_eta))], slice(most_open)
+    fitted = conditioned(matrix[first, first], nugget[first], runs.residual[first])
     weights = fitted.weights[:, 0]
     if len(matrix) > len(weights):
         weights = weights_of(matrix, nugget, runs.residual)[:, 0]
@@ -506,6 +520,7 @@ def through_runs(
     if len(process.term_sd):
         c += process.term_sd * (runs.places.terms.T @ weights)
     local = LocalError.of(runs.places.of(first).points, fitted.misses)
+    sd = float(fitted.sd[0])
     return KrigedBasis(
-        none, none, process, c, runs.places, weights, fitted.whiten, float(fitted.sd[0]), local
+        none, none, process, c, runs.places, weights, fitted.whiten, sd, local, nugget
     )

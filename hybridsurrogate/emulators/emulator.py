@@ -6,7 +6,6 @@ import warnings
 from typing import Any, NamedTuple
 
 import numpy as np
-import pandas as pd
 from numpy.typing import ArrayLike
 from sklearn.base import BaseEstimator
 from sklearn.utils.validation import check_is_fitted
@@ -27,6 +26,7 @@ from hybridsurrogate.exceptions import ExtrapolationWarning
 from hybridsurrogate.simulation.simulation_data import SimulationData
 from hybridsurrogate.simulation.variables import as_matrix, check_finite
 from hybridsurrogate.surrogates.basis import Domain
+from hybridsurrogate.surrogates.emulation.components import Noise
 from hybridsurrogate.surrogates.emulation.covariance import MAX_RUNS, process_through
 from hybridsurrogate.surrogates.emulation.curve_emulator import emulate_curves
 from hybridsurrogate.surrogates.families.polynomial_chaos import PolynomialChaos
@@ -43,18 +43,19 @@ class OneEmulator(NamedTuple):
     kind : str
     basis : KrigedBasis, KrigedCurves or LinearEmulator
     left_out : LeftOut
-    noise : float
-        Standard deviation by which runs of equal inputs and parameters differ.
+    noise : Noise
     """
 
     kind: str
     basis: KrigedBasis | KrigedCurves | LinearEmulator
     left_out: LeftOut
-    noise: float
+    noise: Noise
 
-    def scatter(self, X: FloatArray) -> FloatArray | float:
-        """Return the noise at inputs, (n,) of curves."""
-        return self.basis.noise(X) if isinstance(self.basis, KrigedCurves) else self.noise
+    def scatter(self, X: FloatArray, omega: FloatArray) -> FloatArray:
+        """Return the standard deviation of runs at inputs and parameters, (n,)."""
+        if isinstance(self.basis, KrigedCurves):
+            return self.basis.noise(X, omega)
+        return self.noise.at(np.hstack([X, omega]))
 
 
 class Emulator(BaseEstimator):
@@ -89,7 +90,8 @@ class Emulator(BaseEstimator):
         Share of runs left out that lie in their central 90 % intervals.
     noise_ : float or ndarray of shape (n_outputs,)
         Standard deviation of a stochastic simulation, pooled over runs that were repeated at equal
-        inputs and parameters. Without repeats that of what kriging cannot predict from neighbours:
+        inputs and parameters; `predict` lets it change over these where the repeats show that it
+        does. Without repeats that of what kriging cannot predict from neighbours:
         next to nothing of a deterministic simulation. Curves need repeats, and have 0 without.
     feature_names_in_ : ndarray of str
         Columns of the points: inputs, parameters, assumed constants.
@@ -115,11 +117,12 @@ class Emulator(BaseEstimator):
     Up to 5,000 runs condition a process, at random of more; its covariance is learned from 500.
     Runs left out are predicted in closed form with the covariance that all runs gave (Rasmussen and
     Williams 2006, section 5.4.2; Dubrule 1983, Mathematical Geology 15:687): repeats of a run
-    together, each with its noise in ``sd``. Runs of curves that are repeated differ by a curve,
-    whose covariance is pooled over all repeats; 40 more runs than there are different ones give it
-    well. From 1,000 runs
-    the error on the borehole function (8 inputs) is 0.0007 of the output's standard deviation, 0.8
-    times that of scikit-learn's ``GaussianProcessRegressor`` with a Matern 5/2 kernel, in a quarter
+    together, each with its noise in ``sd``. The log of the noise's variance is a process of its
+    own, learned from the variances of the repeats; where a constant is as probable it is one. Runs
+    of curves that are repeated differ by a curve, whose covariance is pooled over all repeats, but
+    for its size; 40 more runs than there are different ones give it well. From 1,000 runs the error
+    on the borehole function (8 inputs) is 0.0007 of the output's standard deviation, 0.8 times that
+    of scikit-learn's ``GaussianProcessRegressor`` with a Matern 5/2 kernel, in a quarter
     of its time.
 
     Examples
@@ -180,7 +183,7 @@ class Emulator(BaseEstimator):
             for numbers in (
                 [one.left_out.q2 for one in found],
                 [one.left_out.coverage() for one in found],
-                [one.noise for one in found],
+                [one.noise.sd for one in found],
             )
         )
         self.pit_ = pit if several else pit[:, 0]
@@ -230,7 +233,7 @@ class Emulator(BaseEstimator):
         both = [one.basis.predict(X, omega) for one in self._emulators]
         mean, sd = (np.column_stack(part) for part in zip(*both, strict=True))
         if with_noise:
-            scatter = [np.broadcast_to(one.scatter(X), len(X)) for one in self._emulators]
+            scatter = [one.scatter(X, omega) for one in self._emulators]
             sd = np.hypot(sd, np.column_stack(scatter))
         if len(both) == 1:
             mean, sd = mean[:, 0], sd[:, 0]
@@ -269,7 +272,8 @@ def _emulated(kind: str, runs: SimulationData, y: FloatArray) -> OneEmulator:
         for ends in (runs.input_ranges, runs.parameter_ranges)
     )
     ranges = of_inputs, of_parameters
-    noise = _noise(X, omega, y)
+    points = np.hstack([X, omega])
+    noise = Noise.of_rows(points, y)
     names = tuple(runs.input_names), tuple(runs.parameter_ranges)
     location, scale = float(y.mean()), float(np.std(y)) or 1.0
     domain = Domain(of_inputs, of_parameters, location, scale, None, X, omega, y, *names)
@@ -284,18 +288,13 @@ def _emulated(kind: str, runs: SimulationData, y: FloatArray) -> OneEmulator:
         return OneEmulator("curves", found, of_curves(found, X, omega, y), noise)
     trend = PolynomialChaos().build(domain)
     if kind == "polynomial":
-        linear = fit_linear(trend, X, omega, y, noise)
-        return OneEmulator("polynomial", linear, linear.left_out, noise)
-    process = process_through(trend, np.vstack(ranges), X, omega, y, noise)
-    kriged = through_runs(process, X, omega, y, MAX_RUNS)
-    noise = noise or kriged.sd * float(np.sqrt(process.covariance.nugget))
+        linear = fit_linear(trend, X, omega, y, noise.sd)
+        rest = np.maximum(linear.left_out.sd**2 - noise.sd**2, 0.0)
+        left_out = linear.left_out._replace(sd=np.sqrt(rest + noise.at(points) ** 2))
+        return OneEmulator("polynomial", linear, left_out, noise)
+    process = process_through(trend, np.vstack(ranges), X, omega, y, noise.sd)
+    shares = (noise.at(points) / noise.sd) ** 2 if noise.sd else np.ones(len(y))
+    kriged = through_runs(process, X, omega, y, MAX_RUNS, shares / shares.mean())
+    if not noise.sd:
+        noise = noise._replace(sd=kriged.sd * float(np.sqrt(process.covariance.nugget)))
     return OneEmulator("kriging", kriged, of_process(kriged, y), noise)
-
-
-def _noise(X: FloatArray, omega: FloatArray, y: FloatArray) -> float:
-    """Return the pooled standard deviation of runs repeated at equal inputs and parameters."""
-    table = pd.DataFrame(np.hstack([X, omega]))
-    groups = pd.Series(y).groupby(table.groupby([*table.columns]).ngroup().to_numpy())
-    degrees = len(y) - groups.ngroups
-    squares = float(np.sum((y - groups.transform("mean").to_numpy()) ** 2))
-    return float(np.sqrt(squares / degrees)) if degrees else 0.0

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from numbers import Real
 from typing import Any, Self
 
@@ -21,6 +22,8 @@ from hybridsurrogate.estimators.checked_estimator import CheckedEstimator
 from hybridsurrogate.estimators.emulation import emulated, take
 from hybridsurrogate.exceptions import did_you_mean
 from hybridsurrogate.inference.loo import PointwiseLoo
+from hybridsurrogate.likelihoods import Likelihood
+from hybridsurrogate.likelihoods.censored import Censored, limits_of_rows
 from hybridsurrogate.model.posterior import Diagnostics, Posterior
 from hybridsurrogate.model.rows.measured_data import (
     MeasuredData,
@@ -33,6 +36,8 @@ from hybridsurrogate.notebook import table
 from hybridsurrogate.numerics import digits
 from hybridsurrogate.prediction.leave_one_out import Loo, loo_of_rows
 from hybridsurrogate.prediction.mixture import (
+    Mixture,
+    MixtureAt,
     central_interval,
     curves,
     inside_intervals,
@@ -239,7 +244,12 @@ class SurrogateEstimator(RegressorMixin, CheckedEstimator):
         return self._back(mean), self._back(np.sqrt(variance[0]))
 
     def predict_interval(
-        self, X: ArrayLike, level: float = 0.9, y_err: Any = None
+        self,
+        X: ArrayLike,
+        level: float = 0.9,
+        y_err: Any = None,
+        below: ArrayLike | None = None,
+        above: ArrayLike | None = None,
     ) -> tuple[FloatArray, FloatArray]:
         """Return a central interval that covers a new y with the given probability.
 
@@ -252,6 +262,9 @@ class SurrogateEstimator(RegressorMixin, CheckedEstimator):
         level : float, default=0.9
         y_err : float, str, array-like or None
             As in `predict`.
+        below, above : float, array-like of shape (n,) or None, default=None
+            Limits of the instrument at these rows, in units of y; NaN: a row has none. The
+            interval is that of what is recorded.
 
         Returns
         -------
@@ -259,8 +272,10 @@ class SurrogateEstimator(RegressorMixin, CheckedEstimator):
         """
         check_number(level, "level", Real, min_val=0, max_val=1, include_boundaries="neither")
         X = self.checked_rows(X, y_err)
-        lower, upper = central_interval(self._mixture, X, level)
-        return self._back(lower), self._back(upper)
+        ends = central_interval(self._recorded(below, above), X, level)
+        lower, upper = (self._back(end) for end in ends)
+        low, high = self._limits(len(lower), below, above)
+        return np.clip(lower, low, high), np.clip(upper, low, high)
 
     def interval_holds(
         self,
@@ -268,10 +283,13 @@ class SurrogateEstimator(RegressorMixin, CheckedEstimator):
         y: ArrayLike,
         levels: Sequence[float] = (0.9,),
         y_err: Any = None,
+        below: ArrayLike | None = None,
+        above: ArrayLike | None = None,
     ) -> list[FloatArray]:
         """Return whether the central interval of each level covers each row of y, as 0 and 1.
 
-        Exact for the mixture over draws, without its quantiles.
+        Exact for the mixture over draws, without its quantiles. A y at a limit stands for all
+        beyond it: it is covered where the interval reaches there.
 
         Parameters
         ----------
@@ -280,6 +298,8 @@ class SurrogateEstimator(RegressorMixin, CheckedEstimator):
         levels : sequence of float, default=(0.9,)
         y_err : float, str, array-like or None
             As in `predict`.
+        below, above : float, array-like of shape (n,) or None, default=None
+            As in `log_predictive_density`.
 
         Returns
         -------
@@ -292,9 +312,10 @@ class SurrogateEstimator(RegressorMixin, CheckedEstimator):
         check_consistent_length(X, y)
         y = self.measured_outputs(y)
         X = self.checked_rows(X, y_err, y)
-        values = y if self.data_.stacking is None else self.data_.stacking.values(y)
+        values, mixture_at = self._at_limits(y, below, above)
+        values = values if self.data_.stacking is None else self.data_.stacking.values(values)
         there = np.isfinite(values)
-        inside = inside_intervals(self._mixture, X[there], values[there], levels)
+        inside = inside_intervals(mixture_at, X[there], values[there], levels)
         return [_spread_out(one, there).reshape(y.shape) for one in inside]
 
     def sample_predictive_mean(
@@ -323,6 +344,8 @@ class SurrogateEstimator(RegressorMixin, CheckedEstimator):
         n_draws: int | None = None,
         random_state: Any = None,
         y_err: Any = None,
+        below: ArrayLike | None = None,
+        above: ArrayLike | None = None,
     ) -> FloatArray:
         """Draw new measurements, noise included.
 
@@ -332,6 +355,9 @@ class SurrogateEstimator(RegressorMixin, CheckedEstimator):
             As in `sample_predictive_mean`.
         y_err : float, str, array-like or None
             As in `predict`.
+        below, above : float, array-like of shape (n,) or None, default=None
+            Limits of the instrument at these rows, in units of y; NaN: a row has none. Draws
+            are of what is recorded.
 
         Returns
         -------
@@ -339,9 +365,17 @@ class SurrogateEstimator(RegressorMixin, CheckedEstimator):
         """
         X = self.checked_rows(X, y_err)
         random = check_random_state(self.random_state if random_state is None else random_state)
-        return self._back(samples(self._mixture, X, n_draws, random, noisy))
+        draws = self._back(samples(self._recorded(below, above), X, n_draws, random, noisy))
+        return np.clip(draws, *self._limits(draws.shape[1], below, above))
 
-    def log_predictive_density(self, X: ArrayLike, y: ArrayLike, y_err: Any = None) -> FloatArray:
+    def log_predictive_density(
+        self,
+        X: ArrayLike,
+        y: ArrayLike,
+        y_err: Any = None,
+        below: ArrayLike | None = None,
+        above: ArrayLike | None = None,
+    ) -> FloatArray:
         """Return the log posterior predictive density of each measured row.
 
         Parameters
@@ -350,6 +384,9 @@ class SurrogateEstimator(RegressorMixin, CheckedEstimator):
         y : array-like of shape (n,), or (n, k) of several outputs
         y_err : float, str, array-like or None
             Known errors of y, as in `predict`.
+        below, above : float, array-like of shape (n,) or None, default=None
+            Limits of the instrument at these rows, in units of y; NaN: a row has none. A y at
+            its limit or beyond counts with the probability of that. None: those of the likelihood.
 
         Returns
         -------
@@ -371,32 +408,90 @@ class SurrogateEstimator(RegressorMixin, CheckedEstimator):
             X, y = (_safe_indexing(table, np.flatnonzero(there)) for table in (X, y))
             if y_err is not None and np.shape(y_err) == there.shape:
                 y_err = as_numbers(y_err, "y_err")[there]
+            below, above = (
+                one if one is None or np.shape(one) != there.shape else np.asarray(one)[there]
+                for one in (below, above)
+            )
         elif stacking is None and len(there) and not there.any():
             raise ValueError("Input y contains NaN alone: no row has a measurement.")
         rows, output = self._checked(self, X, y, reset=False)
         check_size(output, "y")
+        output, mixture_at = self._at_limits(output, below, above)
         rows = self._known_columns(rows)
         rows = rows if stacking is None else stacking.rows(rows)
         if y_err is not None:
             rows = self._with_new_errors(rows, y_err, output)
         if stacking is None:
-            return _spread_out(self._log_density(rows, output), there)
+            return _spread_out(self._log_density(rows, output, mixture_at), there)
         long, values = rows, stacking.values(output)
         there = np.isfinite(values)
-        density = self._log_density(long[there], values[there]) - stacking.log_scale(long[there])
+        density = self._log_density(long[there], values[there], mixture_at)
+        density -= stacking.log_scale(long[there])
         return _spread_out(density, there).reshape(output.shape)
 
-    def _log_density(self, rows: FloatArray, output: FloatArray) -> FloatArray:
+    @staticmethod
+    def _log_density(rows: FloatArray, output: FloatArray, mixture_at: MixtureAt) -> FloatArray:
         """Return the log predictive density of checked rows with one output each, (n,)."""
         if not len(rows):
             return np.empty(0)
-        self._mixture(rows[:1])[0][1].likelihood.check(output)
+        mixture_at(rows[:1])[0][1].likelihood.check(output)
         return np.concatenate(
             [
-                log_density_of(self._mixture(rows[some]), rows[some], output[some])
-                for some in row_blocks(self._mixture, rows)
+                log_density_of(mixture_at(rows[some]), rows[some], output[some])
+                for some in row_blocks(mixture_at, rows)
             ]
         )
+
+    def _limits(self, n: int, below: ArrayLike | None, above: ArrayLike | None) -> tuple[Any, Any]:
+        """Return lower and upper limits (n,) of new rows, infinite where there is none."""
+        if below is None and above is None:
+            return -np.inf, np.inf
+        if self.data_.stacking is not None:
+            raise ValueError("below and above are limits of one output; the fit had several.")
+        return limits_of_rows(n, below, above)
+
+    def _at_limits(
+        self, y: FloatArray, below: ArrayLike | None, above: ArrayLike | None
+    ) -> tuple[FloatArray, MixtureAt]:
+        """Return new y with marks at their limits, and the mixture whose likelihood knows them."""
+        if below is None and above is None:
+            return y, self._mixture
+        self._limits(len(y), below, above)
+        mixture = self._mixture()
+        if any(posterior.model.acts_on("outliers") for _, posterior in mixture):
+            raise ValueError(
+                "A model with outliers has no probability beyond a limit: leave out below and "
+                "above, or the cause of outliers."
+            )
+        plain = mixture[0][1].plain_likelihood
+        y, likelihood = Censored.of_new_rows(y, plain, below, above)
+        return y, self._mixture_with(likelihood)
+
+    def _recorded(self, below: ArrayLike | None, above: ArrayLike | None) -> MixtureAt:
+        """Return the mixture without those limits of its likelihood in whose place others are."""
+        likelihood = self._mixture()[0][1].plain_likelihood
+        if not isinstance(likelihood, Censored):
+            return self._mixture
+        kept = [
+            known if given is None else None
+            for known, given in ((likelihood.below, below), (likelihood.above, above))
+        ]
+        return self._mixture_with(replace(likelihood, below=kept[0], above=kept[1]))
+
+    def _mixture_with(self, likelihood: Likelihood) -> MixtureAt:
+        def mixture_at(X: FloatArray | None = None) -> Mixture:
+            return [(w, replace(p, plain_likelihood=likelihood)) for w, p in self._mixture(X)]
+
+        return mixture_at
+
+    def side_of(self, y: FloatArray) -> NDArray[np.int_]:
+        """Return -1 for outputs at a lower limit of the likelihood, 1 at an upper one, else 0.
+
+        Parameters
+        ----------
+        y : ndarray of shape (n,), or (n, k) of several outputs
+        """
+        return self._mixture()[0][1].plain_likelihood.side(y)
 
     def score(
         self,
@@ -404,6 +499,8 @@ class SurrogateEstimator(RegressorMixin, CheckedEstimator):
         y: ArrayLike,
         sample_weight: ArrayLike | None = None,
         y_err: Any = None,
+        below: ArrayLike | None = None,
+        above: ArrayLike | None = None,
     ) -> float:
         """Return the expected log predictive density: its mean over all that was measured.
 
@@ -415,8 +512,10 @@ class SurrogateEstimator(RegressorMixin, CheckedEstimator):
             Weights of the rows in the mean.
         y_err : float, str, array-like or None
             Known errors of y, as in `predict`.
+        below, above : float, array-like of shape (n,) or None, default=None
+            Limits of the instrument, as in `log_predictive_density`.
         """
-        values = self.log_predictive_density(X, y, y_err)
+        values = self.log_predictive_density(X, y, y_err, below, above)
         if sample_weight is None:
             return float(np.nanmean(values))
         weights = check_weights(sample_weight, len(values))

@@ -254,8 +254,7 @@ def _possible(runs: SimulationData, likelihood: Likelihood) -> SimulationData:
     except ValueError as error:
         with np.errstate(invalid="ignore", divide="ignore"):
             y = np.where(np.isfinite(likelihood.link(runs.y)), runs.y, np.nan)
-        some = np.isfinite(y).reshape(len(y), -1).any(axis=1)
-        if not some.any():
+        if not np.isfinite(y).any():
             raise
         lost = int(np.isnan(y).sum() - np.isnan(runs.y).sum())
         if lost:
@@ -264,8 +263,9 @@ def _possible(runs: SimulationData, likelihood: Likelihood) -> SimulationData:
                 FailedRunsWarning,
                 stacklevel=4,
             )
-    assert runs.run is not None
-    return runs.with_data(runs.X[some], runs.omega[some], y[some], runs.run[some])
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", FailedRunsWarning)
+        return runs.with_data(runs.X, runs.omega, y, runs.run)
 
 
 def _with_further(

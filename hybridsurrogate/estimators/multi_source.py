@@ -276,8 +276,9 @@ def _merged(runs: Sequence[Any]) -> SimulationData | None:
         )
         for name in first.input_names
     }
-    X, omega, y = (np.concatenate([getattr(r, k) for r in runs]) for k in ("X", "omega", "y"))
-    return first.with_data(X, omega, y, inputs=ranges, simulator=None)
+    kept = ("X", "omega", "y", "failed")
+    X, omega, y, failed = (np.concatenate([getattr(r, k) for r in runs]) for k in kept)
+    return first.with_data(X, omega, y, inputs=ranges, simulator=None, failed=failed)
 
 
 def _check_alike(first: SimulationData, other: SimulationData) -> None:

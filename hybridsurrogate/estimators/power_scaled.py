@@ -67,7 +67,7 @@ class PowerScaledSurrogate(SurrogateEstimator):
         Parameters of the simulation that differ between experiments. "own": values that are
         independent of each other. "spread": values normally distributed around their mean, with
         the spread inferred (`ParameterByExperiment`). Predictions for an experiment that was not
-        measured draw its value from the same distribution. The name of the output, with "spread":
+        measured draw its value from the same distribution. The name of an output, with "spread":
         rows of one experiment share an error (`SharedErrors`).
     noise : {"added", "scaled", "known"}, default="added"
         What is inferred of the noise of rows with errors ``y_err``. "added": further noise, of the

@@ -15,7 +15,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hybridsurrogate.inference.conjugate.target import PowerScaledPosterior
-from hybridsurrogate.inference.evidence.settings import SETTINGS as EVIDENCE
 from hybridsurrogate.inference.sampling.settings import SETTINGS
 from hybridsurrogate.likelihoods.base import Likelihood
 from hybridsurrogate.model.rows.measured_data import ObservedRows, SimulatedRows
@@ -185,7 +184,7 @@ def gaussian_fit(whole: Design, sigma: FloatArray, width_rounds: int) -> Gaussia
         for _ in range(width_rounds):
             v, _ = _climb(design, sigma, v, SETTINGS.few_rounds)
             design = design.widened(nudged_cholesky(_derivatives(design, sigma, v)[1]))
-    v, height = _climb(design, sigma, v, EVIDENCE.optimiser_steps)
+    v, height = _climb(design, sigma, v, SETTINGS.mode_steps)
     factor = nudged_cholesky(_derivatives(design, sigma, v)[1])
     return GaussianFit(whole, v, factor, log_det_of(factor), height)
 
@@ -212,7 +211,7 @@ def _climb(
         climber = np.flatnonzero(active)
         v[climber[better]] = trials[best, index][better]
         value[climber[better]] = values[best, index][better]
-        active[climber[~(gain > EVIDENCE.converged_gain)]] = False
+        active[climber[~(gain > SETTINGS.mode_gain)]] = False
         if not active.any():
             break
     return v, value

@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy import special
 
 from hybridsurrogate.inference.conjugate.target import PowerScaledPosterior, Target
 from hybridsurrogate.inference.sampling.axis_proposals import elongation, ridge_through, with_lines
@@ -14,8 +13,8 @@ from hybridsurrogate.inference.sampling.hierarchical import HierarchicalTarget, 
 from hybridsurrogate.inference.sampling.importance import (
     ImportanceDraws,
     Proposals,
+    growing_draws,
     importance_draws,
-    moment_match,
 )
 from hybridsurrogate.inference.sampling.modes import (
     Gaussian,
@@ -135,9 +134,9 @@ def _improved(
     n_draws: int,
     random_state: np.random.RandomState,
 ) -> tuple[ImportanceDraws, list[Gaussian]]:
-    """Return better importance draws where few count: along a ridge, or from a larger batch."""
+    """Return better importance draws where few count: along a ridge, or from bends."""
     scarce = sampled.effective_draws < SETTINGS.min_effective_share * n
-    few = sampled.khat > KHAT_LIMIT or scarce
+    few = sampled.khat > SETTINGS.adapted_khat or scarce
     # draws of a Gaussian on a bent ridge look good where all of them lie close to its middle; with
     # many that count and a heavy tail there is none
     adapted = len(sampled.proposals.points) > n
@@ -155,26 +154,17 @@ def _improved(
             sampled, modes = along, modes[:1]
             few = sampled.effective_draws < SETTINGS.min_effective_share * n
     if few:
-        # one large batch of better proposals costs less than the many steps of an ensemble
-        weight = np.full(n_draws, 1 / n_draws)
-        all_of_it = float(special.logsumexp([part.log_mass for part in minor]))
-        wide = replace(moment_match(sampled.draws, weight, minor[0]), log_mass=all_of_it)
-        many = 4 * max(n, MOST_PROPOSALS)
-        every = [wide, _like_prior(wide), *minor]
-        args = target.extended_log_density, every, many, n_draws, random_state
-        again = importance_draws(*args, n_noise=target.n_noise, modes=modes)
+        args = sampled, modes, _as_wide_as_priors(modes[0]), max(n, MOST_PROPOSALS), random_state
+        again = growing_draws(target.extended_log_density, *args)
         sampled = again if again.khat <= max(sampled.khat, KHAT_LIMIT) else sampled
     return sampled, modes
 
 
-def _like_prior(wide: Gaussian) -> Gaussian:
-    """Return proposals as the priors have them, a few, which bound the weights of a heavy tail.
-
-    Defensive mixture (Hesterberg 1995, Technometrics 37:185). Sigma is as in other proposals.
-    """
-    mean, factor = np.zeros_like(wide.mean), np.eye(len(wide.mean))
-    mean[-1], factor[-1, -1] = wide.mean[-1], np.linalg.norm(wide.factor[-1])
-    return Gaussian(mean, factor, wide.log_mass + np.log(SETTINGS.prior_proposal_share))
+def _as_wide_as_priors(mode: Gaussian) -> Gaussian:
+    """Return proposals as the priors have them, with sigma as near a mode."""
+    mean, factor = np.zeros_like(mode.mean), np.eye(len(mode.mean))
+    mean[-1], factor[-1, -1] = mode.mean[-1], np.linalg.norm(mode.factor[-1])
+    return Gaussian(mean, factor, float(np.log(SETTINGS.prior_proposal_share)))
 
 
 def _ridge_draws(

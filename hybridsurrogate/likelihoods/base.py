@@ -10,6 +10,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy import stats
 
 from hybridsurrogate.registration import add
@@ -197,6 +198,10 @@ class Likelihood(ABC):
     @abstractmethod
     def log_density(self, y: FloatArray, eta: FloatArray, sigma: FloatArray) -> FloatArray:
         """Return the log density (or log probability) of each y."""
+
+    def side(self, y: FloatArray) -> NDArray[np.int_]:
+        """Return -1 for values at a lower limit, 1 for those at an upper one, else 0."""
+        return np.zeros(np.shape(y), dtype=int)
 
     def log_below(self, y: FloatArray, eta: FloatArray, sigma: FloatArray) -> FloatArray:
         """Return the log probability of y or less, which rows beyond a limit need."""

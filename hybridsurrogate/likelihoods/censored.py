@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -27,7 +27,8 @@ class Censored(OfPlain):
 
     Predicted means are those of the value itself, which may lie beyond a limit. Draws and intervals
     are those of what is recorded. Where each row has a limit, `of_rows` marks the rows beyond
-    theirs; draws and intervals are then those of the value itself, as new rows have no limit.
+    theirs; draws and intervals of new rows are then those of the value itself, unless their limits
+    are given, as in ``score(X, y, below=limits)``.
 
     Parameters
     ----------
@@ -112,31 +113,36 @@ class Censored(OfPlain):
             raise ValueError(
                 f"y must have shape (n,), got {values.shape}: limits are of one output."
             )
-        low, high = (
-            _limits_of_rows(one, len(values), word)
-            for one, word in ((below, "below"), (above, "above"))
-        )
-        if len(bad := np.flatnonzero(low >= high)):
-            k = bad[0]
-            raise ValueError(
-                f"below must be less than above in each row; row {k + 1} has {low[k]:g} and "
-                f"{high[k]:g}."
-            )
-        is_below, is_above = values <= low, values >= high
+        low, high = limits_of_rows(len(values), below, above)
         there = ~np.isnan(values)
-        if there.any() and np.all((is_below | is_above)[there]):
+        if there.any() and np.all(((values <= low) | (values >= high))[there]):
             raise ValueError(
                 f"None of the {there.sum()} values lies between its limits: check the limits and "
                 "their unit."
             )
-        out = np.where(is_below, low, np.where(is_above, high, values))
-        marks = [np.unique(one) for one in (low[is_below], high[is_above])]
-        exact = there & ~is_below & ~is_above
-        for known, end in zip(marks, (np.inf, -np.inf), strict=True):
-            same = exact & np.isin(out, known)
-            out[same] = np.nextafter(out[same], end)
-        lower, upper = (tuple(known.tolist()) or None for known in marks)
+        out, lower, upper = _marked(values, low, high)
         return out, cls(base, lower, upper, step)
+
+    @classmethod
+    def of_new_rows(
+        cls, y: FloatArray, likelihood: Likelihood, below: ArrayLike | None, above: ArrayLike | None
+    ) -> tuple[FloatArray, Censored]:
+        """Return new y with rows beyond their own limits marked, and the likelihood of these.
+
+        Parameters
+        ----------
+        y : ndarray of shape (n,)
+        likelihood : Likelihood
+            Of the fit: limits that it has stay where none is given.
+        below, above : float, array-like of shape (n,) or None
+            As in `of_rows`; all rows may lie beyond theirs.
+        """
+        known = likelihood if isinstance(likelihood, cls) else cls(likelihood)
+        y, lower, upper = _marked(y, *limits_of_rows(len(y), below, above))
+        new = replace(known, below=lower, above=upper)
+        if below is None:
+            new = replace(new, below=known.below)
+        return y, new if above is not None else replace(new, above=known.above)
 
     @property
     def plain(self) -> Likelihood:  # type: ignore[override]
@@ -317,18 +323,49 @@ class Censored(OfPlain):
         return np.where(y <= low, np.floor(low), np.where(y >= high, np.ceil(high), y))
 
 
-def _limits_of_rows(limits: ArrayLike | None, n: int, word: str) -> FloatArray:
-    """Return the limits (n,) of rows, NaN where there is none."""
-    if limits is None:
-        return np.full(n, np.nan)
-    values = np.asarray(limits, dtype=float)
-    if values.shape not in ((), (n,)):
+def limits_of_rows(
+    n: int, below: ArrayLike | None, above: ArrayLike | None
+) -> tuple[FloatArray, FloatArray]:
+    """Return lower and upper limits (n,) of rows, infinite where there is none.
+
+    Raises ValueError for another length, and for limits that are infinite or not in order.
+    """
+    ends = []
+    for limits, word, none in ((below, "below", -np.inf), (above, "above", np.inf)):
+        values = np.asarray(np.nan if limits is None else limits, dtype=float)
+        if values.shape not in ((), (n,)):
+            raise ValueError(
+                f"{word} must have one limit for each of the {n} rows, got {values.shape}."
+            )
+        if np.isinf(values).any():
+            raise ValueError(f"{word} must hold finite limits; NaN where a row has none.")
+        ends.append(np.broadcast_to(np.where(np.isnan(values), none, values), n))
+    low, high = ends
+    if len(bad := np.flatnonzero(low >= high)):
+        k = bad[0]
         raise ValueError(
-            f"{word} must have one limit for each of the {n} rows, got {values.shape}."
+            f"below must be less than above in each row; row {k + 1} has {low[k]:g} and "
+            f"{high[k]:g}."
         )
-    if np.isinf(values).any():
-        raise ValueError(f"{word} must hold finite limits; NaN where a row has none.")
-    return np.array(np.broadcast_to(values, n))
+    return low, high
+
+
+def _marked(
+    values: FloatArray, low: FloatArray, high: FloatArray
+) -> tuple[FloatArray, tuple[float, ...] | None, tuple[float, ...] | None]:
+    """Return values with limits in the place of what lies beyond, and the lower and upper marks.
+
+    A value between its limits that happens to equal a mark is moved to the next number.
+    """
+    is_below, is_above = values <= low, values >= high
+    out = np.clip(values, low, high)
+    marks = [np.unique(one) for one in (low[is_below], high[is_above])]
+    exact = ~is_below & ~is_above
+    for known, end in zip(marks, (np.inf, -np.inf), strict=True):
+        same = exact & np.isin(out, known)
+        out[same] = np.nextafter(out[same], end)
+    lower, upper = (tuple(known.tolist()) or None for known in marks)
+    return out, lower, upper
 
 
 def _log_hazard(a: FloatArray) -> FloatArray:

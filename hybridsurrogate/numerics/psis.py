@@ -70,14 +70,17 @@ def pareto_smooth(log_weight: FloatArray) -> tuple[FloatArray, float]:
 def level_smooth(log_weight: FloatArray) -> tuple[FloatArray, float]:
     """Return smoothed log weights and k-hat; level weights as they are, with k-hat at most 0.
 
-    A Pareto tail with k = 0.7 stays below ten times its mean in one of a thousand samples of 1000.
-    Weights that do are bounded, and the steps of a plateau can look like any tail to the fit.
+    A Pareto tail with k = 0.7 stays below ten times its mean in one of a thousand samples of 1000,
+    and its largest of n grows as n^k. Weights that stay below have no such tail, though the steps
+    of a plateau can look like any to the fit: k-hat is at most 0.7.
     """
     known = np.where(np.isfinite(log_weight), log_weight, -np.inf)
     log_mean = special.logsumexp(known) - np.log(len(known))
     smoothed, khat = pareto_smooth(known)
-    if len(known) >= _MANY and np.max(known) <= log_mean + _LEVEL:
-        return known, min(khat, 0.0)
+    if len(known) >= _MANY:
+        excess = np.max(known) - log_mean - _LEVEL
+        if excess <= KHAT_LIMIT * np.log(len(known) / _MANY):
+            return known, min(khat, KHAT_LIMIT if excess > 0 else 0.0)
     return smoothed + np.max(known), khat
 
 

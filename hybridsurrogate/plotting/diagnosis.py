@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -261,6 +261,7 @@ def plot_overview(
     axes: Sequence[Axes] | None = None,
     y_err: FloatArray | None = None,
     side: NDArray[np.int_] | None = None,
+    held_side: NDArray[np.int_] | None = None,
 ) -> list[Axes]:
     """Draw measurements, a simulation and its extension with 90 % intervals, and the residuals.
 
@@ -285,6 +286,8 @@ def plot_overview(
     side : ndarray of int of shape (n,) or None, default=None
         -1 where a measurement is an upper bound of the value, 1 where it is a lower bound: arrows
         that point to where the value is.
+    held_side : ndarray of int or None, default=None
+        The same of ``held_out``.
 
     Returns
     -------
@@ -318,21 +321,15 @@ def plot_overview(
             x, residual, mark, color=colour, ms=size, mew=0, alpha=0.7, label=name,
             rasterized=raster,
         )  # fmt: skip
-    exact = np.ones(len(y), dtype=bool) if side is None else side == 0
-    top.plot(
-        x[exact], y[exact], "o", color=DATA, ms=size, mew=0, label="measured", rasterized=raster,
-        zorder=3,
-    )  # fmt: skip
-    for sign, mark, word in ((-1, "v", "at most"), (1, "^", "at least")):
-        if side is not None and np.any(side == sign):
-            here = side == sign
-            top.plot(x[here], y[here], ls="", marker=mark, color=DATA, ms=4, label=word, zorder=3)
+    look: dict[str, Any] = {"color": DATA, "ls": "", "zorder": 3, "rasterized": raster}
+    _dots_and_arrows(top, x, y, side, "measured", ms=size, mew=0, **look)
     if y_err is not None:
         top.errorbar(x, y, y_err, fmt="none", ecolor=DATA, elinewidth=0.6, alpha=0.5, zorder=2.9)
     values = y
     if held_out is not None:
         values = np.concatenate([y, held_out[1]])
-        top.plot(*held_out, "o", color=DATA, mfc="none", ms=size + 1, mew=0.8, label="held out")
+        look |= {"mfc": "none", "ms": size + 1, "mew": 0.8}
+        _dots_and_arrows(top, *held_out, held_side, "held out", **look)
         if curve:
             _shade(top, below, held_out[0], x)
     share_range([top], values)
@@ -340,6 +337,26 @@ def plot_overview(
     tidy(below, labels[0], labels[2], legend=False)
     top.tick_params(labelbottom=False)
     return [top, below]
+
+
+def _dots_and_arrows(
+    ax: Axes,
+    x: FloatArray,
+    y: FloatArray,
+    side: NDArray[np.int_] | None,
+    label: str,
+    **look: Any,
+) -> None:
+    """Draw values as dots, and bounds as arrows that point to where the value is."""
+    side = np.zeros(len(y), dtype=int) if side is None else side
+    for sign, mark, word in ((0, "o", label), (-1, "v", "at most"), (1, "^", "at least")):
+        here = side == sign
+        if sign and here.any():
+            known = ax.get_legend_handles_labels()[1]
+            word = word if word not in known else f"{word}, {label}"
+            look = {**look, "ms": 4}
+        if here.any() or not sign:
+            ax.plot(x[here], y[here], marker=mark, label=word, **look)
 
 
 def _shade(top: Axes, below: Axes, held: FloatArray, x: FloatArray) -> None:

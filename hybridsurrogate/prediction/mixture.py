@@ -67,7 +67,12 @@ def inside_intervals(
         off = np.abs(np.concatenate(below) - 0.5)
         return [(off <= level / 2).astype(float) for level in levels]
     ends = [central_interval(mixture_at, X, level) for level in levels]
-    return [((y >= lower) & (y <= upper)).astype(float) for lower, upper in ends]
+    # what is recorded at a limit stands for all beyond it
+    side = mixture_at(X[:1])[0][1].likelihood.side(y)
+    return [
+        (((y >= lower) | (side > 0)) & ((y <= upper) | (side < 0))).astype(float)
+        for lower, upper in ends
+    ]
 
 
 def _normal_likelihood(mixture: Mixture) -> TransformedNormal | None:

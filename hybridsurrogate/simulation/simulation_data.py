@@ -345,13 +345,15 @@ class SimulationData:
         Returns
         -------
         pandas.DataFrame
-            `from_frame` reads it.
+            `from_frame` reads it. Last a row for each run that failed, its outputs NaN.
         """
-        frame = pd.DataFrame(self.X, columns=list(self.input_names))
-        frame[list(self.parameter_ranges)] = self.omega
-        frame[list(self.outputs)] = self.y.reshape(len(self.y), -1)
+        points = np.vstack([np.hstack([self.X, self.omega]), self.failed])
+        frame = pd.DataFrame(points, columns=[*self.input_names, *self.parameter_ranges])
+        frame[list(self.outputs)] = np.nan
+        frame.loc[: self.n_rows - 1, list(self.outputs)] = self.y.reshape(self.n_rows, -1)
         if self.run is not None:
-            frame.insert(0, RUN, self.run)
+            lost = np.arange(len(self.failed)) + np.max(self.run) + 1
+            frame.insert(0, RUN, np.concatenate([self.run, lost]))
         return frame
 
     def with_rows(self, frame: Any) -> SimulationData:
@@ -385,14 +387,14 @@ class SimulationData:
                 )
             _, labels = np.unique(table[RUN], return_inverse=True)
             run = np.concatenate([self.run, labels.ravel() + int(np.max(self.run)) + 1])
-        whole = pd.concat([self.to_frame()[names], more], ignore_index=True)
+        whole = pd.concat([self.to_frame()[names][: self.n_rows], more], ignore_index=True)
         if run is not None:
             # one input along which runs are curves, or two of fields
             changes = pd.DataFrame(self.X).groupby(self.run).nunique().max() > 1
             along = [name for name, one in zip(self.input_names, changes, strict=True) if one]
             constant = [*self.input_names, *self.parameter_ranges]
             # repeats of a stochastic simulation differ
-            repeated = self.to_frame()[constant].duplicated().any()
+            repeated = whole[constant][: self.n_rows].duplicated().any()
             outputs = () if repeated else self.outputs
             constant = [name for name in constant if name not in along]
             check_curves(whole.assign(**{RUN: run}), along, constant, outputs)
@@ -402,12 +404,12 @@ class SimulationData:
         }
         y = whole[self.output if len(self.outputs) == 1 else list(self.outputs)]
         omega = whole[list(self.parameter_ranges)]
-        return self.with_data(whole[list(ranges)], omega, y, run, inputs=ranges, failed=self.failed)
+        return self.with_data(whole[list(ranges)], omega, y, run, inputs=ranges)
 
     def with_data(
         self, X: Any, omega: Any, y: Any, run: Any | None = None, **changes: Any
     ) -> SimulationData:
-        """Return other runs of the same simulation.
+        """Return other runs of the same simulation, with those of these that failed.
 
         Parameters
         ----------
@@ -416,7 +418,7 @@ class SimulationData:
         **changes
             Further parameters of SimulationData that differ.
         """
-        names = ("parameters", "assumed", "simulator")
+        names = ("parameters", "assumed", "simulator", "failed")
         same = {name: getattr(self, name) for name in names}
         same |= {"inputs": self.input_ranges, "output": self.outputs}
         return SimulationData(X, omega, y, run=run, **same | changes)
@@ -451,7 +453,9 @@ class SimulationData:
         )
 
     def save(self, path: str | os.PathLike[str]) -> None:
-        """Write the rows to a file that `read_simulation` reads: .csv, or .parquet with pyarrow.
+        """Write the rows of `to_frame` to a file: .csv, or .parquet with pyarrow.
+
+        `read_simulation` reads it, with those of runs that failed, which have no output.
 
         Parameters
         ----------

@@ -257,10 +257,17 @@ class Basis(ABC):
         """
         return np.zeros(len(X))
 
-    def scatter(self, X: FloatArray) -> FloatArray:
+    def scatter(self, X: FloatArray, omega: FloatArray) -> FloatArray:
         """Return the part (n,) of `error` by which runs of a stochastic simulation differ.
 
         A standard deviation. More runs leave it as it is, and a measured system is one run.
+        """
+        return np.zeros(len(X))
+
+    def unrepeated(self, X: FloatArray) -> FloatArray:
+        """Return the part (n,) of `error` by which runs differ from those of near parameters.
+
+        A standard deviation; none where repeated runs show how much of that is noise.
         """
         return np.zeros(len(X))
 

@@ -59,10 +59,21 @@ def test_a_column_holds_the_limit_of_each_row(tmp_path, monkeypatch, capsys):
     frame = pd.DataFrame({"t": t, "y": np.fmax(y, limit), "limit": limit})
     frame.to_csv("measured.csv", index=False)
     words = "--simulation falling_slope.py:line --inputs t --prior rate=0.5,0.5 --output y"
-    assert main(["fit", "measured.csv", *words.split(), "--below", "limit", "--json", "-"]) == 0
+    fit = ["fit", "measured.csv", *words.split(), "--below", "limit", "--save", "fit.hs"]
+    assert main([*fit, "--json", "-"]) == 0
     out = capsys.readouterr().out
     rate, _ = json.loads(out[out.index("{") :])["estimates"]
     assert abs(rate["mean"] - 0.8) < 3 * rate["sd"]
+    # new rows have limits that no measured row had
+    pd.DataFrame({"t": [1.0, 9.0, 9.0], "limit": [4.0, 4.0, np.nan]}).to_csv("new.csv")
+    for limits in ([], ["--below", "limit"]):
+        assert main(["predict", "fit.hs", "new.csv", "--table", "predicted.csv", *limits]) == 0
+        low, high = (pd.read_csv("predicted.csv")[f"y_{end}"] for end in ("low", "high"))
+        assert low[0] > 7
+        assert high[2] < 4
+        assert (low[1] == high[1] == 4.0) == bool(limits)
+    assert main(["predict", "fit.hs", "new.csv", "--below", "limitt"]) == 2
+    assert "nor a column of new.csv" in capsys.readouterr().err
     assert main(["fit", "measured.csv", *words.split(), "--below", "limitt"]) == 2
     assert "neither a number nor a column" in capsys.readouterr().err
     frame.assign(limit=30.0).to_csv("measured.csv", index=False)

@@ -4,6 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from few_kinds import all_but
+from scipy.linalg import block_diag
 from scipy.stats import multivariate_normal, norm
 
 import hybridsurrogate as hs
@@ -147,6 +148,196 @@ def test_a_diagnosis_knows_the_batches():
     assert "not in the simulation: shared-errors(run)" in stepped.to_python()
     gain = stepped.cross_validate(cv=3).gain_
     assert gain.elpd_difference > 2 * gain.standard_error
+
+
+# ------------------------------------------------------------------------------ several outputs
+
+
+def two_lines(t, level, slope):
+    return {"height": level + slope * t, "flow": 10 * (level - slope * t)}
+
+
+OUTPUTS = ("height", "flow")
+DESIGNS = {"height": DESIGN, "flow": 10 * np.column_stack([np.ones(N), -T])}
+COVARIANCES = {
+    "height": COVARIANCE,
+    "flow": 2.0**2 * np.exp(-np.abs(T[:, None] - T) / 4) + 0.5**2 * np.eye(N),
+}
+
+
+def model_of_two(**settings):
+    simulator = hs.Simulator(two_lines, {"t": (0, 10)}, PRIORS, output=OUTPUTS)
+    settings = {"surrogate": hs.ExactSurrogate(), "random_state": 0, **settings}
+    return hs.PowerScaledSurrogate(simulator, **settings)
+
+
+def both_measured(seed):
+    random = np.random.default_rng(seed)
+    return np.column_stack(
+        [
+            DESIGNS[name] @ [1.0, 0.5] + random.multivariate_normal(np.zeros(N), COVARIANCES[name])
+            for name in OUTPUTS
+        ]
+    )
+
+
+def stacked_normal():
+    """Prior predictive of both outputs, one after the other: their errors are independent."""
+    design = np.vstack([DESIGNS[name] for name in OUTPUTS])
+    return design, design @ PRIOR @ design.T + block_diag(*(COVARIANCES[k] for k in OUTPUTS))
+
+
+def test_each_output_has_a_covariance_of_its_own():
+    """The evidence, the fit, and held-out rows are those of the block covariance."""
+    y = both_measured(0)
+    y_err, shared = hs.SharedErrors.of_rows(COVARIANCES, "row")
+    model = model_of_two(effects=[shared], noise="known", n_draws=4000)
+    design, whole = stacked_normal()
+    stacked = y.T.ravel()
+    # a level alone, for a difference of evidence that rests on the covariance
+    flat = hs.Simulator(
+        lambda t, level: {"height": level + 0 * t, "flow": 10 * level + 0 * t},
+        {"t": (0, 10)},
+        {"level": norm(0, 2)},
+        output=OUTPUTS,
+    )
+    models = {
+        "line": model,
+        "flat": model_of_two(**{k: model.get_params(False)[k] for k in ("effects", "noise")}),
+    }
+    models["flat"].set_params(simulation=flat, n_draws=4000)
+    found = hs.compare_simulations(models, ROWS, y, y_err=y_err, diagnose=False, cv=2)
+    constant = np.concatenate([np.ones(N), np.full(N, 10.0)])
+    of_flat = 4 * np.outer(constant, constant) + whole - design @ PRIOR @ design.T
+    exact = [multivariate_normal(cov=cov).logpdf(stacked) for cov in (whole, of_flat)]
+    evidence = found.table.loc[["line", "flat"], "log_evidence"].to_numpy(dtype=float)
+    assert evidence[0] - evidence[1] == pytest.approx(exact[0] - exact[1], abs=0.1)
+    # outputs are measured in units of their standard deviations
+    units = N * np.sum(np.log(np.std(y, axis=0)))
+    np.testing.assert_allclose(evidence - units, exact, atol=0.1)
+
+    test = np.arange(N) % 5 == 2
+    model.fit(ROWS[~test], y[~test], y_err=y_err[~test])
+    out = np.tile(test, 2)
+    known, cross = whole[np.ix_(~out, ~out)], whole[np.ix_(out, ~out)]
+    mean = cross @ np.linalg.solve(known, stacked[~out])
+    sd = np.sqrt(np.diag(whole[np.ix_(out, out)] - cross @ np.linalg.solve(known, cross.T)))
+    there, spread = model.predict(ROWS[test], return_std=True, y_err=y_err[test])
+    np.testing.assert_allclose(spread.T.ravel(), sd, rtol=0.06)
+    np.testing.assert_array_less(np.abs(there.T.ravel() - mean), 0.15 * sd)
+
+
+def batches_of_two(seed, spreads=(0.4, 3.0)):
+    X, _, truth = batches(seed)
+    random = np.random.default_rng([seed, 1])
+    means = two_lines(X["t"].to_numpy(), truth["level"], truth["slope"])
+    errors = np.repeat(random.standard_normal((8, 2)) * spreads, 5, axis=0)
+    noise = random.standard_normal((40, 2)) * (0.1, 1.0)
+    y = np.column_stack([means[name] for name in OUTPUTS]) + errors + noise
+    return X, y, {"level": truth["level"], "slope": truth["slope"]}, errors
+
+
+def test_batches_of_several_outputs_have_a_spread_each():
+    X, y, _, errors = batches_of_two(0)
+    by = {"height": "spread", "flow": "spread"}
+    table = model_of_two(experiment="run", by_experiment=by).fit(X, y).summary()
+    for name, size in zip(OUTPUTS, np.sqrt(np.mean(errors**2, axis=0)), strict=True):
+        there = table.loc[f"{name}: spread"]
+        assert there["q5"] < size < there["q95"]
+        assert there["q95"] < 4 * size
+    assert "flow: run = r3" in table.index
+    # one output alone; the other has none
+    for settings in (
+        {"by_experiment": {"flow": "spread"}},
+        {"effects": [hs.SharedErrors("run", spread={"flow": None})]},
+    ):
+        table = model_of_two(experiment="run", **settings).fit(X, y).summary()
+        assert "flow: spread" in table.index
+        assert not any("height: " in name for name in table.index)
+
+
+def test_a_known_spread_of_an_output_is_that_of_a_diagonal_covariance():
+    X, y, *_ = batches_of_two(0)
+    names = [f"r{k}" for k in range(8)]
+    spreads = {"height": 0.4, "flow": 3.0}
+    known = {name: pd.DataFrame(sd**2 * np.eye(8), index=names) for name, sd in spreads.items()}
+    both = [
+        model_of_two(experiment="run", effects=[one]).fit(X, y).summary().loc["slope"]
+        for one in (hs.SharedErrors("run", spreads), hs.SharedErrors("run", covariance=known))
+    ]
+    np.testing.assert_allclose(*(one[["mean", "sd"]].astype(float) for one in both), rtol=0.02)
+
+
+@pytest.mark.slow
+def test_intervals_cover_over_data_sets_with_batch_errors_in_two_outputs():
+    """Truths are drawn from their priors; without the batches the same intervals cover half."""
+    by = {"height": "spread", "flow": "spread"}
+    inside, without = [], []
+    for seed in range(100):
+        X, y, truth, _ = batches_of_two(seed)
+        truth |= {"height: spread": 0.4, "flow: spread": 3.0}
+        for out, how in ((inside, {"by_experiment": by}), (without, {})):
+            table = model_of_two(experiment="run", **how).fit(X, y).summary()
+            names = [name for name in truth if name in table.index]
+            out.append([table.q5[name] < truth[name] < table.q95[name] for name in names])
+    # binomial, 100 sets of 90 %: 0.03 is one standard error
+    assert np.all(np.abs(np.mean(inside, axis=0) - 0.9) < 0.08)
+    assert np.all(np.mean(without, axis=0) < 0.75)
+
+
+@pytest.mark.parametrize(
+    ("effect", "message"),
+    [
+        (hs.SharedErrors("run", spread=0.4), "units of their own, height, flow; give"),
+        (hs.SharedErrors("run", covariance=np.eye(8)), "units of their own"),
+        (hs.SharedErrors("run", spread={"flw": 0.4}), "no output 'flw'.*'flow'"),
+        (hs.SharedErrors("run", spread={"flow": -0.4}), "spread that is positive"),
+        (
+            hs.SharedErrors("run", spread={"flow": 1.0}, covariance={"flow": np.eye(8)}),
+            "not both",
+        ),
+        (hs.InOutput(hs.SharedErrors("run"), "flow"), "without InOutput"),
+        (
+            hs.SharedErrors(
+                "run",
+                covariance={
+                    "flow": pd.DataFrame(np.eye(8), index=[f"r{k}" for k in range(8)]),
+                    "height": pd.DataFrame(np.eye(8)[:7, :7], index=[f"r{k}" for k in range(7)]),
+                },
+            ),
+            "has no 'r7'",
+        ),
+    ],
+)
+def test_what_cannot_be_shared_by_several_outputs_is_refused(effect, message):
+    X, y, *_ = batches_of_two(0)
+    with pytest.raises(ValueError, match=message):
+        model_of_two(experiment="run", effects=[effect]).fit(X, y)
+
+
+@pytest.mark.slow
+def test_a_diagnosis_of_two_outputs_knows_the_batches():
+    X, y, *_ = batches_of_two(3)
+    random = np.random.default_rng(3)
+    X["t"] = random.uniform(0, 10, 40)
+    means = two_lines(X["t"].to_numpy(), 1.0, 0.5)
+    errors = np.repeat(random.standard_normal((8, 2)) * (0.4, 3.0), 5, axis=0)
+    y = np.column_stack([means[name] for name in OUTPUTS]) + errors
+    y = y + random.standard_normal((40, 2)) * (0.1, 1.0)
+    few = all_but("step", "trend", "missing-input", "noise", "curve-by-experiment")
+    by = {"height": "spread", "flow": "spread"}
+    verdicts = {}
+    for told, size in ((False, 0.0), (True, 0.0), (True, 1.0)):
+        model = model_of_two(experiment="run", by_experiment=by if told else None)
+        diagnosis = hs.DiscrepancyDiagnosis(
+            model, exclude=few, cv=None, n_replicates=100, random_state=0
+        )
+        step = np.outer(X["t"] > 5, [size, 0.0])
+        verdicts[told, size] = diagnosis.fit(X, y + step)
+    assert verdicts[False, 0.0].verdict_ != "adequate"
+    assert verdicts[True, 0.0].verdict_ == "adequate"
+    assert verdicts[True, 1.0].best_cause_.kind == "step"
+    assert "height: spread" in str(verdicts[True, 1.0].report(full=True))
 
 
 # ----------------------------------------------------------------------------------- bad input

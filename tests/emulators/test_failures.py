@@ -88,6 +88,49 @@ def test_failures_are_kept_however_they_come():
     assert len(curves.failed) == lost.sum()
 
 
+@pytest.mark.parametrize("along", [None, 25])
+@pytest.mark.parametrize("ending", ["csv", "parquet"])
+def test_failures_are_saved_and_read(tmp_path, along, ending):
+    if ending == "parquet":
+        pytest.importorskip("pyarrow")
+    made = runs(32, along=along)
+    assert len(made.failed)
+    made.save(tmp_path / f"runs.{ending}")
+    with pytest.warns(hs.FailedRunsWarning, match=f"^{len(made.failed)} of"):
+        again = hs.read_simulation(tmp_path / f"runs.{ending}", ["t"], PRIORS)
+    assert again.n_runs == made.n_runs
+    for name in ("X", "omega", "y", "failed"):
+        np.testing.assert_allclose(getattr(again, name), getattr(made, name))
+
+
+def test_failures_of_several_outputs_are_saved_and_read(tmp_path):
+    def both(t, rate, level):
+        return {"mass": decay(t, rate, level), "heat": 2 * decay(t, rate, level)}
+
+    simulator = hs.Simulator(both, {"t": (0, 10)}, PRIORS, output=["mass", "heat"])
+    with pytest.warns(hs.FailedRunsWarning):
+        made = simulator.run(32, random_state=0)
+    made.save(tmp_path / "runs.csv")
+    with pytest.warns(hs.FailedRunsWarning):
+        again = hs.read_simulation(tmp_path / "runs.csv", ["t"], PRIORS, ["mass", "heat"])
+    np.testing.assert_allclose(again.failed, made.failed)
+    np.testing.assert_allclose(again.y, made.y)
+
+
+def test_further_runs_do_not_warn_of_failures_that_are_known():
+    made = runs(32, along=25)
+    more = made.with_rows(SIMULATOR.run_at(pd.DataFrame({"rate": [0.3], "level": [1.5]}), T))
+    assert more.n_runs == made.n_runs + 1
+    np.testing.assert_array_equal(more.failed, made.failed)
+
+
+def test_failures_of_several_sources_count():
+    first, second = runs(32), runs(16)
+    sources = [hs.Source(first, 0.5), hs.Source(second, 0.5)]
+    merged = hs.MultiSourceSurrogate(sources).simulation
+    np.testing.assert_array_equal(merged.failed, np.vstack([first.failed, second.failed]))
+
+
 def test_failures_of_another_shape_are_refused():
     with pytest.raises(ValueError, match="failed"):
         hs.SimulationData(T, T, T, ["t"], {"rate": uniform(0, 10)}, failed=[[1.0]])

@@ -6,6 +6,7 @@ from few_kinds import all_but
 from scipy import integrate, special, stats
 
 import hybridsurrogate as hs
+from hybridsurrogate.diagnosis.validation.gain import pointwise
 
 BASES = ("normal", "lognormal", "student-t", "poisson", "negative-binomial")
 COUNTS = ("poisson", "negative-binomial")
@@ -344,6 +345,146 @@ def test_a_diagnosis_with_limits_of_rows():
 def test_limits_of_rows_without_sense_are_refused(limits, message):
     with pytest.raises(ValueError, match=message):
         hs.Censored.of_rows([1.0, 2.0, 3.0], **limits)
+
+
+# ------------------------------------------------------------------------- limits of new rows
+
+
+def new_rows(seed, n=40):
+    """Return a fit, and new rows with limits that no row of the fit had, recorded at these."""
+    X, y, model, truth = of_rows(seed)
+    fitted = model.fit(X, y)
+    random = np.random.RandomState(seed + 7)
+    x = random.uniform(-1, 1, n)
+    value = truth["a"] + truth["b"] * x + truth["sigma"] * random.standard_normal(n)
+    low = truth["a"] + random.uniform(-1, 0.5, n)
+    high = np.where(np.arange(n) % 3, np.nan, low + 1.0)
+    low[1] = np.nan
+    recorded = np.fmin(np.fmax(value, low), high)
+    return fitted, x[:, None], recorded, low, high
+
+
+def exact_density(fitted, X, y, low, high):
+    eta, sigma = fitted.posterior_.eta(X)
+    noise = stats.norm(eta, sigma)
+    each = np.where(y <= low, noise.logcdf(y), np.where(y >= high, noise.logsf(y), noise.logpdf(y)))
+    return special.logsumexp(each, axis=0) - np.log(len(eta))
+
+
+def test_new_rows_at_limits_of_their_own_have_the_probability_of_the_tail():
+    fitted, X, y, low, high = new_rows(0)
+    exact = exact_density(fitted, X, y, low, high)
+    assert np.any(y == low)
+    assert np.any(y == high)
+    limits = {"below": low, "above": high}
+    density = fitted.log_predictive_density(X, y, **limits)
+    np.testing.assert_allclose(density, exact)
+    assert fitted.score(X, y, **limits) == pytest.approx(exact.mean())
+    # a limit that is taken for a value has a density
+    at = (y == low) | (y == high)
+    plain = fitted.log_predictive_density(X, y)
+    assert np.all(np.abs(plain - exact)[at] > 1e-3)
+    # rows without a measurement, and one row alone
+    y[3] = np.nan
+    density = fitted.log_predictive_density(X, y, **limits)
+    assert np.isnan(density[3])
+    np.testing.assert_allclose(np.delete(density, 3), np.delete(exact, 3))
+    k = int(np.flatnonzero(y == low)[0])
+    one = fitted.score(X[[k]], y[[k]], below=low[k])
+    assert one == pytest.approx(exact[k])
+
+
+def test_a_fit_without_limits_may_be_scored_on_rows_with_some():
+    fitted, X, y, low, high = new_rows(1)
+    inside = (y > low) & ~(y >= high)
+    again = fitted.set_params(likelihood="normal").fit(X[inside], y[inside])
+    density = again.log_predictive_density(X, y, below=low, above=high)
+    np.testing.assert_allclose(density, exact_density(again, X, y, low, high))
+    # one limit of the fit stays where another is given
+    limited = again.set_params(likelihood=hs.Censored(below=-0.2)).fit(X[inside], y[inside])
+    y = np.maximum(y, -0.2)
+    density = limited.log_predictive_density(X, y, above=high)
+    exact = exact_density(limited, X, y, np.full(len(y), -0.2), high)
+    np.testing.assert_allclose(density, exact)
+
+
+def test_draws_and_intervals_of_new_rows_are_of_what_is_recorded():
+    fitted, X, y, low, high = new_rows(2)
+    limits = {"below": low, "above": high}
+    draws = fitted.sample_posterior_predictive(X, n_draws=4000, random_state=0, **limits)
+    assert np.all(draws >= np.nan_to_num(low, nan=-np.inf))
+    assert np.all(draws <= np.nan_to_num(high, nan=np.inf))
+    for limit, side in ((low, "below"), (high, "above")):
+        there = np.flatnonzero(np.isfinite(limit))
+        share = np.mean(draws[:, there] == limit[there], axis=0)
+        log_tail = fitted.log_predictive_density(X[there], limit[there], **{side: limit[there]})
+        # draws are of draws of the posterior: 400 are known to a standard error of 0.025
+        np.testing.assert_allclose(share, np.exp(log_tail), atol=0.1)
+    lower, upper = fitted.predict_interval(X, 0.9, **limits)
+    free = fitted.predict_interval(X, 0.9)
+    np.testing.assert_allclose(lower, np.fmin(np.fmax(free[0], low), high))
+    np.testing.assert_allclose(upper, np.fmin(np.fmax(free[1], low), high))
+    (inside,) = fitted.interval_holds(X, y, [0.9], **limits)
+    np.testing.assert_array_equal(inside, (lower <= y) & (y <= upper))
+    # a limit of the fit gives way to those of the rows
+    limited = fitted.set_params(likelihood=hs.Censored(below=float(np.nanmax(low)))).fit(X, y)
+    draws = limited.sample_posterior_predictive(X, n_draws=1000, random_state=0, below=low)
+    assert draws.min() < np.nanmax(low) - 0.1
+    free, own = limited.predict_interval(X, 0.9, below=low)[0], np.nan_to_num(low, nan=-np.inf)
+    assert np.any((free < np.nanmax(low) - 0.1) & (free >= own))
+
+
+def test_intervals_of_recorded_rows_cover():
+    """A row at its limit is covered where its interval reaches the limit."""
+    marked, new = [], []
+    for seed in range(20):
+        X, y, model, _ = of_rows(100 + seed, n=100)
+        fitted = model.fit(X[:60], y[:60])
+        marked += fitted.interval_holds(X[60:], y[60:], [0.9])
+        fitted, X, y, low, high = new_rows(100 + seed)
+        new += fitted.interval_holds(X, y, [0.9], below=low, above=high)
+    # 20 sets of 40 rows that share a fit; a limit inside an interval covers more than 90 %
+    assert 0.87 < np.mean(marked) < 0.97
+    assert 0.87 < np.mean(new) < 0.97
+
+
+def test_errors_of_rows_at_a_limit_count_on_one_side():
+    """A prediction beyond the limit is no error."""
+    X, y, model, _ = of_rows(3, n=100)
+    fitted = model.fit(X[:60], y[:60])
+    side, error = model.likelihood.side(y[60:]), y[60:] - fitted.predict(X[60:])
+    scores = pointwise(fitted, X[60:], y[60:])
+    np.testing.assert_allclose(scores.error[side == 0], error[side == 0])
+    np.testing.assert_allclose(scores.error[side < 0], np.minimum(error[side < 0], 0.0))
+
+
+@pytest.mark.parametrize(
+    ("limits", "message"),
+    [
+        ({"below": [0.0, 1.0]}, "one limit for each of the 40 rows, got .2,."),
+        ({"below": np.inf}, "finite limits"),
+        ({"below": 0.5, "above": 0.5}, "row 1 has 0.5 and 0.5"),
+    ],
+)
+def test_limits_of_new_rows_without_sense_are_refused(limits, message):
+    fitted, X, y, *_ = new_rows(0)
+    for call in (fitted.score, fitted.log_predictive_density):
+        with pytest.raises(ValueError, match=message):
+            call(X, y, **limits)
+    for call in (fitted.predict_interval, fitted.sample_posterior_predictive):
+        with pytest.raises(ValueError, match=message):
+            call(X, **limits)
+
+
+def test_new_rows_of_a_fit_with_outliers_or_of_several_outputs_have_no_limits():
+    X = np.linspace(0, 1, 20)[:, None]
+    y = X[:, 0] + 0.1 * np.random.default_rng(0).standard_normal(20)
+    fitted = hs.PowerScaledSurrogate(effects=[hs.Outliers()], random_state=0).fit(X, y)
+    with pytest.raises(ValueError, match="outliers"):
+        fitted.score(X, y, below=0.2)
+    fitted = hs.PowerScaledSurrogate(random_state=0).fit(X, np.column_stack([y, -y]))
+    with pytest.raises(ValueError, match="one output"):
+        fitted.score(X, np.column_stack([y, -y]), below=0.2)
 
 
 def test_an_array_of_limits_says_where_it_goes():

@@ -207,6 +207,17 @@ def test_bounds_are_arrows_and_errors_bars():
     assert marks["at most"].get_xdata().tolist() == [0.0]
     assert marks["at least"].get_xdata().tolist() == [3.0]
     assert marks["measured"].get_xdata().tolist() == [1.0, 2.0]
+    held = x + 0.5, x
+    top, _ = plotting.plot_overview(
+        x, x, plotting.Predicted(x, band, 0 * x), held_out=held, held_side=np.array([0, -1, 0, 1])
+    )
+    marks = {line.get_label(): (line.get_marker(), line.get_xdata().tolist()) for line in top.lines}
+    assert marks["held out"] == ("o", [0.5, 2.5])
+    assert marks["at most"] == ("v", [1.5])
+    assert marks["at least"] == ("^", [3.5])
+    top, _ = plotting.plot_overview(
+        x, x, plotting.Predicted(x, band, 0 * x), y_err=0.5 + x, side=np.array([-1, 0, 0, 1])
+    )
     (bars,) = [one for one in top.containers if one.has_yerr]
     widths = [float(np.ptp(path.vertices[:, 1])) for path in bars.lines[2][0].get_paths()]
     np.testing.assert_allclose(widths, 1 + 2 * x)

@@ -21,6 +21,7 @@ from hybridsurrogate.model.problem import Problem
 from hybridsurrogate.model.statistics import emulator_posterior
 from hybridsurrogate.numerics.digits import number
 from hybridsurrogate.simulation.arrays import is_whole
+from hybridsurrogate.simulation.outputs import OUTPUT
 from hybridsurrogate.simulation.simulator import SimulationData
 from hybridsurrogate.surrogates import Kriging
 from hybridsurrogate.surrogates.basis import Basis, Surrogate
@@ -109,6 +110,9 @@ class EmulatorCheck(NamedTuple):
     rounding : float or None
         What rounding to whole numbers takes from an expected count at the measured rows, where runs
         of counts are whole numbers; None where they are not.
+    unrepeated : float
+        The part of ``left_open`` by which runs that are curves differ from those of near
+        parameters: noise of a stochastic simulation, or jumps; repeated runs distinguish them.
     """
 
     left_open: float
@@ -118,6 +122,7 @@ class EmulatorCheck(NamedTuple):
     scatter: float
     along: str | None = None
     rounding: float | None = None
+    unrepeated: float = 0.0
 
     @property
     def hidden(self) -> float:
@@ -141,9 +146,14 @@ class EmulatorCheck(NamedTuple):
         return self.between > self.between_runs
 
     @property
+    def needs_repeats(self) -> bool:
+        """Whether repeated runs show more than further ones do."""
+        return self.unrepeated**2 > self.left_open**2 / 2
+
+    @property
     def needs_runs(self) -> bool:
         """Whether further runs of the same kind are what would decide."""
-        return self.rounding is None and not self.needs_places
+        return self.rounding is None and not self.needs_places and not self.needs_repeats
 
     @property
     def remedy(self) -> str:
@@ -151,6 +161,12 @@ class EmulatorCheck(NamedTuple):
         itself = "or the simulation itself with surrogate=ExactSurrogate()"
         if self.rounding is not None:
             return f"Give the expected counts as runs, not rounded ones or draws, {itself}."
+        if self.needs_repeats:
+            return (
+                "Runs of near parameters differ by most of what is open. If the simulation draws "
+                "random numbers, run some points twice or more, such as 20 of them: how a run "
+                f"scatters is then no error. If it jumps, give many more runs, {itself}."
+            )
         if not self.needs_places:
             return f"Give more runs, {itself}."
         share = "All of it" if self.between_runs < 0.1 * self.between else "Most of it"
@@ -198,23 +214,25 @@ def check_emulator(result: Search, surrogate: Basis, runs: SimulationData) -> Em
     basis = problem.model.basis
     error = np.sum(basis.error(inputs, points) ** 2, axis=1)
     # causes that respond to the output stretch all alike
-    each = np.array([basis.scatter(inputs), basis.between(inputs)])
-    scatter, between = left_open * np.minimum(each**2 / np.maximum(error, 1e-300), 1.0)
-    squares = left_open - scatter, (missed / unit) ** 2, between, scatter
+    parts = basis.scatter(inputs, points), basis.between(inputs), basis.unrepeated(inputs)
+    each = np.array(parts)
+    scatter, between, near = left_open * np.minimum(each**2 / np.maximum(error, 1e-300), 1.0)
+    squares = left_open - scatter, (missed / unit) ** 2, between, scatter, near
     rms = np.sqrt([np.mean(each) for each in squares]) / w.fit.sigma
     X = problem.X[:, : runs.X.shape[1]]
     low, high = runs.X.min(axis=0), runs.X.max(axis=0)
     outside = np.sum((low > X) | (high < X), axis=0).tolist()
     beyond = {name: k for name, k in zip(runs.input_names, outside, strict=True) if k}
     of_runs = basis.of_runs(np.arange(float(inputs.shape[1]))[None])[0]
-    along = [name for k, name in enumerate(runs.input_names) if k not in of_runs]
+    names = [name for k, name in enumerate(runs.input_names) if k not in of_runs]
+    along = [name for name in names if name != OUTPUT]
     rounding = None
     if problem.likelihood.means_as_runs and is_whole(runs.y):
         errors = problem.likelihood.rounding(outputs[0])
         rounding = float(np.sqrt(np.mean((errors / unit) ** 2)))
-    left_open, missed, between, scatter = rms.tolist()
-    names = " and ".join(along) or None
-    return EmulatorCheck(left_open, missed, beyond, between, scatter, names, rounding)
+    left_open, missed, between, scatter, near = rms.tolist()
+    curves = " and ".join(along) or None
+    return EmulatorCheck(left_open, missed, beyond, between, scatter, curves, rounding, near)
 
 
 def cautions_of_failures(runs: object, posterior: Posterior, X: FloatArray) -> list[Caution]:

@@ -149,14 +149,16 @@ def _at_spread_of(problem: Problem, posterior: Posterior) -> Problem:
     """
     effects = list(problem.model.effects)
     for k, effect in enumerate(effects):
-        differs = isinstance(effect, ParameterByExperiment | SharedErrors)
-        if differs and "spread" in effect.parameters:
+        if isinstance(effect, SharedErrors):
+            draws = posterior.estimates(k)
+            median = {name: float(np.median(draws[name])) for name in effect.parameters}
+            effects[k] = effect.at_estimate(median)
+        elif isinstance(effect, ParameterByExperiment) and "spread" in effect.parameters:
             draws = posterior.estimates(k)
             spreads = [draws.pop("spread")]
-            if isinstance(effect, ParameterByExperiment):
-                deviations = np.stack(list(draws.values()), axis=1)
-                there, columns = _of_experiments(problem, effect)
-                spreads += [_residual_sd(deviations[:, there], column) for column in columns]
+            deviations = np.stack(list(draws.values()), axis=1)
+            there, columns = _of_experiments(problem, effect)
+            spreads += [_residual_sd(deviations[:, there], column) for column in columns]
             spread = min(float(np.median(each)) for each in spreads)
             effects[k] = effect.filled(spread=spread)
     return replace(problem, model=problem.model.with_effects(effects))

@@ -200,6 +200,11 @@ def pointwise(
     inside, half = estimator.interval_holds(X, y, (COVERAGE_LEVEL, INNER_LEVEL), y_err)
     y = np.asarray(y, dtype=float)
     error, weight = y - estimator.predict(X), np.ones(len(y)) if weights is None else weights
+    # a value at a limit stands for all beyond it
+    side = estimator.side_of(y)
+    error = np.where(
+        side < 0, np.minimum(error, 0), np.where(side > 0, np.maximum(error, 0), error)
+    )
     density = estimator.log_predictive_density(X, y, y_err)
     scores = Scores(density, error, inside, half, weight)
     if error.ndim > 1:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -155,6 +155,42 @@ class Jitter(Declared):
         return Code("", does="nothing")
 
 
+class _Part(NamedTuple):
+    """Errors that rows of one output share, in its unit; of a single output without a name."""
+
+    position: int
+    name: str
+    unit: float
+    spread: Any
+    covariance: FloatArray | None
+
+    def named(self, word: str) -> str:
+        """Return a word, of several outputs with the output's name."""
+        return f"{self.name}: {word}" if self.name else word
+
+    @property
+    def is_unknown(self) -> bool:
+        """Whether the spread is estimated."""
+        return self.covariance is None and not isinstance(self.spread, float | int)
+
+    def root(self, k: int) -> FloatArray:
+        """Return a root (k, k) of the covariance, independent where it is of a spread.
+
+        A value that was not measured, the last, has the mean variance of all others.
+        """
+        root = np.eye(k)
+        if self.covariance is not None:
+            values, vectors = np.linalg.eigh(self.covariance)
+            root[:-1, :-1] = vectors * np.sqrt(np.maximum(values, 0.0))
+            root[-1, -1] = np.sqrt(np.mean(np.diag(self.covariance)))
+        return root
+
+    def height(self, theta: Rows) -> FloatArray:
+        """Return what the root is multiplied by for each draw, (J, 1), or for all, (1, 1)."""
+        known = 1.0 if self.covariance is not None else self.spread
+        return np.reshape(np.asarray(theta.get(self.named("spread"), known), dtype=float), (-1, 1))
+
+
 @dataclass(eq=False, repr=False)
 class SharedErrors(OverExperiments):
     """Errors that rows share, in addition to the error of each row; no fault, but part of the data.
@@ -169,6 +205,10 @@ class SharedErrors(OverExperiments):
       the fit is that of generalised least squares (Aitken 1936, Proceedings of the Royal Society of
       Edinburgh 55:42); `of_rows` splits a covariance into ``y_err`` and this effect.
 
+    Of several outputs each has errors of its own, independent of those of the others. Give spreads
+    and covariances by output, ``spread={"height": 0.5, "flow": None}``: outputs that are not named
+    have none; with neither argument all have some.
+
     Give it to an estimator, ``effects=[hs.SharedErrors("run")]``. ``by_experiment={"y": "spread"}``
     is the same for the column that ``experiment`` names, y being the output. Held-out rows are
     predicted given the others that share their errors. A value that was not measured has an error
@@ -178,22 +218,24 @@ class SharedErrors(OverExperiments):
     ----------
     column : str
         A measured column that the simulation ignores.
-    spread : frozen scipy.stats distribution, float or None, default=None
+    spread : frozen scipy.stats distribution, float, None, or dict of these by output, default=None
         Prior of the spread, or its value where it is known, in units of the output (of its
         logarithm under a log-normal likelihood).
-    covariance : array-like of shape (k, k), DataFrame or None, default=None
+    covariance : array-like of shape (k, k), DataFrame, None, or dict of these, default=None
         Between the errors of the values 0, 1, ..., k - 1 of the column, or of those in the index of
         a DataFrame, in squared units of the output. It may be singular: one error that all share.
     levels : tuple of float, default=()
         Values of the column. Empty: those of the measured rows, or of the covariance.
     labels : tuple of str or None, default=None
         What to call them. None: as they are, or as ``experiment`` names them.
+    outputs : tuple of (int, str, float), default=()
+        Of several outputs those with such errors: position, name and unit. Empty: from the names.
 
     Raises
     ------
     ValueError
         When a model is fitted: for a covariance that is none, has no value for a measured row, or
-        under a likelihood that is not normal on its scale; for several outputs.
+        under a likelihood that is not normal on its scale; for one number for several outputs.
 
     Examples
     --------
@@ -209,15 +251,17 @@ class SharedErrors(OverExperiments):
     coefficient_sd = UNIT_SD
     # what was measured is off
     changes_output = False
+    by_output = True
 
     column: str
-    spread: Prior | float | None = None
+    spread: Any = None
     covariance: Any = None
     levels: tuple[float, ...] = ()
     labels: tuple[str, ...] | None = None
+    outputs: tuple[tuple[int, str, float], ...] = ()
 
     @classmethod
-    def of_rows(cls, covariance: Any, column: str) -> tuple[FloatArray, SharedErrors]:
+    def of_rows(cls, covariance: Any, column: str) -> tuple[Any, SharedErrors]:
         """Return the error of each row alone, for ``y_err``, and what rows share.
 
         The two add up to the covariance. A row alone has the largest share of its variance that
@@ -225,14 +269,14 @@ class SharedErrors(OverExperiments):
 
         Parameters
         ----------
-        covariance : array-like of shape (n, n)
+        covariance : array-like of shape (n, n), or dict of these by output
             Positive definite, in squared units of y.
         column : str
             The column of X that numbers the rows 0, 1, ..., n - 1.
 
         Returns
         -------
-        y_err : ndarray of shape (n,)
+        y_err : ndarray of shape (n,), or DataFrame with a column of each output
         effect : SharedErrors
 
         Raises
@@ -247,6 +291,11 @@ class SharedErrors(OverExperiments):
         >>> y_err.round(3).tolist(), effect.covariance.round(3).tolist()
         ([1.732, 1.732], [[1.0, 1.0], [1.0, 1.0]])
         """
+        if isinstance(covariance, Mapping):
+            parts = {name: cls.of_rows(one, column) for name, one in covariance.items()}
+            errors = pd.DataFrame({name: alone for name, (alone, _) in parts.items()})
+            shared = {name: one.covariance for name, (_, one) in parts.items()}
+            return errors, cls(column, covariance=shared)
         matrix = _checked(covariance)
         sd = np.sqrt(np.diag(matrix))
         share = float(np.linalg.eigvalsh(matrix / np.outer(sd, sd))[0]) if sd.all() else 0.0
@@ -259,26 +308,66 @@ class SharedErrors(OverExperiments):
 
     def prepare(self, context: Context) -> Cause:
         """Fill in the values of the column, and the prior of the spread or the covariance."""
-        if context.outputs:
-            raise ValueError(
-                f"{self.name} is for one output; the model has {', '.join(context.outputs)}."
-            )
         if self.column in context.inputs:
             raise ValueError(
                 f"{self.name}: rows that share an error need a column of labels that the "
                 "simulation ignores, and this is one of its inputs."
             )
+        if not context.outputs:
+            return self._of_one(context, self.spread, self.covariance, 1.0)
+        if self.outputs:
+            return self
+        outputs = self._outputs_in(context)
+        spread, covariance = self.spread or {}, self.covariance or {}
+        parts = [
+            self._of_one(context, spread.get(name), covariance.get(name), unit)
+            for _, name, unit in outputs
+        ]
+        levels = {one.levels for one in parts}
+        if len(levels) > 1:
+            raise ValueError(
+                f"The covariances of {self.name} must be of the same values of {self.column}."
+            )
+        names = [name for _, name, _ in outputs]
+        return parts[0].filled(
+            spread={name: one.spread for name, one in zip(names, parts, strict=True)},
+            covariance={name: one.covariance for name, one in zip(names, parts, strict=True)},
+            outputs=outputs,
+        )
+
+    def _outputs_in(self, context: Context) -> tuple[tuple[int, str, float], ...]:
+        """Return position, name and unit of the outputs that have such errors."""
+        given = [one for one in (self.spread, self.covariance) if one is not None]
+        if not all(isinstance(one, Mapping) for one in given):
+            first = context.outputs[0]
+            raise ValueError(
+                f"{self.name}: outputs have units of their own, {', '.join(context.outputs)}; give "
+                f"spread or covariance by output, {{{first!r}: ...}}."
+            )
+        named = [name for one in given for name in one]
+        if unknown := [name for name in named if name not in context.outputs]:
+            raise ValueError(
+                f"{self.name}: there is no output {unknown[0]!r}; there are "
+                f"{', '.join(context.outputs)}.{did_you_mean(unknown, context.outputs)}"
+            )
+        return tuple(
+            (k, name, own.scale)
+            for k, (name, own) in enumerate(zip(context.outputs, context.of_outputs, strict=True))
+            if name in named or not given
+        )
+
+    def _of_one(self, context: Context, spread: Any, covariance: Any, unit: float) -> SharedErrors:
+        """Return the effect of one output."""
         found = context.axis(self.column).rows
         labels = self.labels or context.names.get(self.column)
-        if self.covariance is None:
-            spread = self.spread
+        if covariance is None:
             if spread is None:
-                spread = frozen(stats.halfcauchy, scale=context.scale)
+                spread = frozen(stats.halfcauchy, scale=context.scale * unit)
             elif isinstance(spread, float | int) and not 0 < spread < np.inf:
                 raise ValueError(f"{self.name} needs a spread that is positive, got {spread!r}.")
             levels = self.levels_in(context, labels)
-            return self.filled(spread=spread, levels=levels, labels=labels)
-        if self.spread is not None:
+            return self.filled(spread=spread, covariance=None, levels=levels, labels=labels)
+        if spread is not None:
             raise ValueError(f"{self.name} has a spread or a covariance, not both.")
         if not context.gaussian:
             raise ValueError(
@@ -288,8 +377,8 @@ class SharedErrors(OverExperiments):
             )
         if self.levels:
             return self
-        matrix = _checked(self.covariance)
-        of_matrix = self._levels_of(self.covariance, labels)
+        matrix = _checked(covariance)
+        of_matrix = self._levels_of(covariance, labels)
         there = np.flatnonzero(~np.isnan(of_matrix))
         order = there[np.argsort(of_matrix[there])]
         known = of_matrix[order].tolist()
@@ -300,6 +389,7 @@ class SharedErrors(OverExperiments):
                 "or give a DataFrame whose index has the values of the column."
             )
         return self.filled(
+            spread=None,
             covariance=matrix[np.ix_(order, order)],
             levels=tuple(known),
             labels=None if labels is None else tuple(labels[int(level)] for level in known),
@@ -322,50 +412,56 @@ class SharedErrors(OverExperiments):
         return levels
 
     @property
+    def _parts(self) -> list[_Part]:
+        """What rows of each output share."""
+        if not self.outputs:
+            return [_Part(0, "", 1.0, self.spread, self.covariance)]
+        return [_Part(*one, self.spread[one[1]], self.covariance[one[1]]) for one in self.outputs]
+
+    @property
     def coefficients(self) -> tuple[str, ...]:  # type: ignore[override]
         """One name for each value of the column, one that was not measured included."""
-        return (*self.names_of_levels, self.another)
+        names = (*self.names_of_levels, self.another)
+        return tuple(one.named(name) for one in self._parts for name in names)
 
     def priors_by_name(self) -> Mapping[str, Prior]:
-        """Return the prior of the spread where it is unknown."""
-        known = self.covariance is not None or isinstance(self.spread, float | int)
-        return {} if known else {"spread": self.spread}
+        """Return the prior of each spread that is unknown."""
+        return {one.named("spread"): one.spread for one in self._parts if one.is_unknown}
 
     def factors(self, X: Rows, theta: Rows) -> tuple[FloatArray, FloatArray]:
         """Return a root of the covariance at each row, and its height."""
-        root = self._root
-        rows = root[position_among(self.levels, X[self.column])]
-        return rows, np.repeat(self._height(theta), len(root), axis=1)
-
-    @property
-    def _root(self) -> FloatArray:
-        """A root (k + 1, k + 1) of the covariance, independent where it is of a spread.
-
-        A value that was not measured has the mean variance of all others.
-        """
-        root = np.eye(len(self.levels) + 1)
-        if self.covariance is not None:
-            values, vectors = np.linalg.eigh(self.covariance)
-            root[:-1, :-1] = vectors * np.sqrt(np.maximum(values, 0.0))
-            root[-1, -1] = np.sqrt(np.mean(np.diag(self.covariance)))
-        return root
-
-    def _height(self, theta: Rows) -> FloatArray:
-        """Return what the root is multiplied by for each draw, (J, 1), or for all, (1, 1)."""
-        known = 1.0 if self.covariance is not None else self.spread
-        return np.reshape(np.asarray(theta.get("spread", known), dtype=float), (-1, 1))
+        which, k = position_among(self.levels, X[self.column]), len(self.levels) + 1
+        rows = [one.root(k)[which] for one in self._parts]
+        if self.outputs:
+            rows = [
+                own * (X[OUTPUT] == one.position)[:, None]
+                for own, one in zip(rows, self._parts, strict=True)
+            ]
+        heights = [one.height(theta) / one.unit for one in self._parts]
+        J = max(map(len, heights))
+        return np.hstack(rows), np.hstack([np.tile(h, (J // len(h), k)) for h in heights])
 
     def grid(self) -> dict[str, FloatArray]:
         """Nothing is enumerated: a search has the spread at its estimate."""
         return {}
 
+    def at_estimate(self, spreads: Mapping[str, float]) -> Cause:
+        """Return the same with spreads that are known, by the names of their priors."""
+        if not self.outputs:
+            return self.filled(spread=spreads.get("spread", self.spread))
+        fixed = {one.name: spreads.get(one.named("spread"), one.spread) for one in self._parts}
+        return self.filled(spread=fixed)
+
     def estimates(self, theta: Rows, coefficients: Rows) -> dict[str, FloatArray]:
-        """Return the spread, and the error of each value of the column unless they are many."""
-        drawn = np.column_stack([coefficients[name] for name in self.coefficients])
-        each = (self._height(theta) * drawn) @ self._root.T
-        out = {"spread": np.asarray(theta["spread"])} if "spread" in theta else {}
-        if len(self.levels) <= MAX_EXPERIMENTS:
-            out.update(zip(self.names_of_levels, each.T, strict=False))
+        """Return spreads, and the error of each value of the column unless they are many."""
+        out = {name: np.asarray(theta[name]) for name in self.parameters}
+        if len(self.levels) > MAX_EXPERIMENTS:
+            return out
+        names = (*self.names_of_levels, self.another)
+        for one in self._parts:
+            drawn = np.column_stack([coefficients[one.named(name)] for name in names])
+            each = (one.height(theta) * drawn) @ one.root(len(names)).T
+            out |= dict(zip(map(one.named, self.names_of_levels), each.T, strict=False))
         return out
 
     def code(self) -> Code:

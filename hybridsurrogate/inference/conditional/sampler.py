@@ -34,7 +34,6 @@ from hybridsurrogate.inference.conditional.pairwise_squares import (
     squares_of_factors,
     squares_of_pairs,
 )
-from hybridsurrogate.inference.evidence.settings import SETTINGS as EVIDENCE
 from hybridsurrogate.inference.sampling.ensembles import Effort, moved_draws
 from hybridsurrogate.inference.sampling.hierarchical import standardised
 from hybridsurrogate.inference.sampling.importance import (
@@ -377,12 +376,12 @@ def exchanged(
 def _shares_of_mixture(density: FloatArray) -> FloatArray:
     """Return the shares (J, S) in posteriors with such densities of one draw of each of them."""
     share = density / density.sum(axis=0)
-    for _ in range(EVIDENCE.optimiser_steps):
+    for _ in range(SETTINGS.mode_steps):
         mixture = share.sum(axis=1, keepdims=True)
         share = share / np.where(mixture > 0, mixture, 1.0)
         total = share.sum(axis=0)
         share /= total
-        if np.ptp(np.log(total)) < EVIDENCE.converged_gain:
+        if np.ptp(np.log(total)) < SETTINGS.mode_gain:
             break
     return share
 

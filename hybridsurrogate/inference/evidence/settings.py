@@ -47,8 +47,7 @@ class SearchSettings:
         behind are pruned (at 30 nats the evidence of a curve of any shape is 0.25 nats from that
         of a search that converges further); cells split at a time.
     converged_gain : float
-        A smaller gain of an optimisation (minus twice the log density), of a finer grid or of a
-        step to a mode of a posterior is none.
+        A smaller gain of an optimisation (minus twice the log density) or of a finer grid is none.
     max_followed : int
         Nodes that are followed where each needs runs of the simulation.
     max_compared : int
@@ -66,8 +65,7 @@ class SearchSettings:
     naming_level : float
         Probability from which one cause is named: three times that of all alternatives together.
     optimiser_steps, halving_steps : int
-        Steps of Gauss-Newton, Levenberg-Marquardt or, with outliers, of EM, and to a mode of a
-        posterior (with 40, standard deviations of 36 fits are the same to 0.4 %); and between two
+        Steps of Gauss-Newton, Levenberg-Marquardt or, with outliers, of EM; and steps between two
         halvings of the places that are followed.
     max_population : int
         Starting places of an optimisation at most, where a run is quick: of eight drifts of a

@@ -16,8 +16,9 @@ from scipy import special
 from hybridsurrogate.inference.sampling.modes import Gaussian, LogDensity, NothingPossibleError
 from hybridsurrogate.inference.sampling.settings import SETTINGS
 from hybridsurrogate.model.posterior import MIN_EFFECTIVE_EACH
-from hybridsurrogate.numerics.linear_algebra import SINGULAR
+from hybridsurrogate.numerics.linear_algebra import NEGLIGIBLE, SINGULAR
 from hybridsurrogate.numerics.psis import KHAT_LIMIT, level_smooth, pareto_smooth
+from hybridsurrogate.priors import Z_LIMIT
 from hybridsurrogate.types import FloatArray
 
 # with 10, k-hats of 36 fits are 0.10 (standard error 0.04) larger, with 2.5 they are the same
@@ -25,6 +26,74 @@ _DEGREES_OF_FREEDOM = 5.0
 # of its standard deviations: at 1.0, those of 176 fresh densities are off by 0.004 (standard error
 # 0.001) more on average
 PROPOSAL_SCALE = 1.1
+# six doublings of a first batch: as many proposals as an ensemble's steps
+_DOUBLINGS = 7
+# of the log of a chi-squared variable with one degree of freedom
+_LOG_CHI2_MEAN = float(special.digamma(0.5) + np.log(2))
+_LOG_CHI2_VARIANCE = np.pi**2 / 2
+
+
+@dataclass(frozen=True)
+class Bent:
+    """A Student-t proposal in which each axis follows those before it on a bent course.
+
+    Given these its centre is linear in all of them and quadratic in the first (four), and the log
+    of its width linear in all: a triangular map of a Student-t (Parno and Marzouk 2018, SIAM/ASA
+    Journal on Uncertainty Quantification 6:645).
+
+    Attributes
+    ----------
+    mean : ndarray of shape (d,)
+    axes : ndarray of shape (d, d)
+        In its columns, each as long as the points spread that it was fitted to; the one that the
+        others follow best is the first.
+    centres, widths : tuple of ndarray
+        Coefficients of each axis.
+    log_mass : float
+        Of the density that is proposed for.
+    """
+
+    mean: FloatArray
+    axes: FloatArray
+    centres: tuple[FloatArray, ...]
+    widths: tuple[FloatArray, ...]
+    log_mass: float
+
+    def draws(self, n: int, random_state: np.random.RandomState) -> FloatArray:
+        """Draw n points."""
+        y = PROPOSAL_SCALE * standard_student_draws((n, len(self.axes)), random_state)
+        for j in range(len(self.axes)):
+            centre, width = self._given_before(y, j)
+            y[:, j] = centre + width * y[:, j]
+        return self.mean + y @ self.axes.T
+
+    def log_density(self, x: FloatArray) -> FloatArray:
+        """Return the log density (J,) at points (J, d)."""
+        y = np.linalg.solve(self.axes, (x - self.mean).T).T
+        squares = np.zeros(len(x))
+        log_det = np.full(len(x), np.linalg.slogdet(self.axes)[1])
+        for j in range(len(self.axes)):
+            centre, width = self._given_before(y, j)
+            squares += ((y[:, j] - centre) / (PROPOSAL_SCALE * width)) ** 2
+            log_det += np.log(PROPOSAL_SCALE * width)
+        return standard_student(squares, len(self.axes)) - log_det
+
+    def _given_before(self, y: FloatArray, j: int) -> tuple[FloatArray, FloatArray]:
+        terms = _terms(y[:, :j])
+        # a line that is extrapolated makes a width of any size
+        log_width = np.clip(terms[:, : j + 1] @ self.widths[j], 2 * np.log(SINGULAR), Z_LIMIT)
+        return terms @ self.centres[j], np.exp(log_width)
+
+
+def _terms(y: FloatArray) -> FloatArray:
+    """Return 1, the columns of y (J, k), and products of the first; y as far as priors reach."""
+    y = np.clip(y, -Z_LIMIT, Z_LIMIT)
+    first = y[:, : SETTINGS.few_rounds]
+    rows, columns = np.triu_indices(first.shape[1])
+    return np.hstack([np.ones((len(y), 1)), y, first[:, rows] * first[:, columns]])
+
+
+Component = Gaussian | Bent
 
 
 def student_draws(
@@ -66,7 +135,7 @@ def standard_student(squares: FloatArray, d: int) -> FloatArray:
 
 
 def mixture_points(
-    components: list[Gaussian], n: int, random_state: np.random.RandomState
+    components: Sequence[Component], n: int, random_state: np.random.RandomState
 ) -> FloatArray:
     """Draw n points from a mixture of Student-t proposals.
 
@@ -75,19 +144,33 @@ def mixture_points(
     """
     cumulative = np.concatenate([[0.0], np.cumsum(_shares(components))])
     counts = np.diff(np.round(n * cumulative).astype(int))
-    return np.concatenate(
-        [student_draws(g, k, random_state) for g, k in zip(components, counts, strict=True)]
-    )
+    drawn = [
+        one.draws(k, random_state) if isinstance(one, Bent) else student_draws(one, k, random_state)
+        for one, k in zip(components, counts, strict=True)
+    ]
+    return np.concatenate(drawn)
 
 
-def mixture_log_density(components: list[Gaussian], points: FloatArray) -> FloatArray:
+def mixture_log_density(components: Sequence[Component], points: FloatArray) -> FloatArray:
     """Return the log density of that mixture at points (J, d)."""
-    terms = np.log(_shares(components))[:, None] + _student_log_density(components, points)
+    terms = np.log(_shares(components))[:, None] + _log_densities(components, points)
     out: FloatArray = np.logaddexp.reduce(terms, axis=0)
     return out
 
 
-def _shares(components: list[Gaussian]) -> FloatArray:
+def _log_densities(components: Sequence[Component], x: FloatArray) -> FloatArray:
+    """Return the log densities (K, J) of K proposals at points (J, d)."""
+    plain = {k: one for k, one in enumerate(components) if isinstance(one, Gaussian)}
+    out = np.empty((len(components), len(x)))
+    if plain:
+        out[list(plain)] = _student_log_density(list(plain.values()), x)
+    for k, one in enumerate(components):
+        if isinstance(one, Bent):
+            out[k] = one.log_density(x)
+    return out
+
+
+def _shares(components: Sequence[Component]) -> FloatArray:
     mass = np.array([g.log_mass for g in components])
     least = min(SETTINGS.min_proposed, 0.5 / len(components))
     share = np.maximum(np.exp(mass - np.logaddexp.reduce(mass)), least)
@@ -126,6 +209,80 @@ def slices(points: FloatArray, weight: FloatArray, components: list[Gaussian]) -
                 one = moment_match(points[inside], own[inside] / m, g)
                 out.append(replace(one, log_mass=float(np.log(m))))
     return out
+
+
+def bent(points: FloatArray, weight: FloatArray, components: list[Gaussian]) -> list[Bent]:
+    """Return proposals that bend as the points do that each component is responsible for.
+
+    Two for each, which share its mass: some courses bend along an unknown, others along a principal
+    axis of the points.
+    """
+    out = []
+    for own, one in zip(_responsible(points, weight, components), components, strict=True):
+        mass = own.sum()
+        if mass > SETTINGS.min_mode_share:
+            counted = own > SINGULAR * own.max()
+            of_it = points[counted], own[counted] / mass
+            values, axes = np.linalg.eigh(one.factor @ one.factor.T)
+            unknowns = np.diag(np.linalg.norm(one.factor, axis=1))
+            out += [_bent(*of_it, one, scaled) for scaled in (unknowns, axes * np.sqrt(values))]
+    return out
+
+
+def _bent(points: FloatArray, weight: FloatArray, around: Gaussian, axes: FloatArray) -> Bent:
+    """Return the bends that weighted points (J, d) have: regressions under priors of unit width.
+
+    The log width is half the regression of the log squared residuals, whose mean and variance under
+    a normal are those of log chi2(1).
+    """
+    y = np.linalg.solve(axes, (points - around.mean).T).T
+    effective = float(1 / np.sum(weight**2))
+    order = _order(y, weight)
+    y = y[:, order]
+    centres, widths = [], []
+    for j in range(len(order)):
+        terms = _terms(y[:, :j])
+        linear = terms[:, : j + 1]
+        loose = _regressed(terms, y[:, j], weight, 0.0)
+        variance = float(weight @ (y[:, j] - terms @ loose) ** 2)
+        centres.append(_regressed(terms, y[:, j], weight, variance / effective))
+        # an unknown that the others determine has none
+        squares = (y[:, j] - terms @ centres[-1]) ** 2 + SINGULAR**2
+        squares += NEGLIGIBLE * (weight @ squares)
+        logs = np.log(squares) - _LOG_CHI2_MEAN
+        slope = 0.5 * _regressed(linear, logs, weight, _LOG_CHI2_VARIANCE / effective)
+        left = weight @ (squares * np.exp(-2 * (linear[:, 1:] @ slope[1:])))
+        # as in `moment_match`, for points that are few next to the coefficients
+        slope[0] = 0.5 * np.log(left * (1 + 2 * terms.shape[1] / effective))
+        widths.append(slope)
+    return Bent(around.mean, axes[:, order], tuple(centres), tuple(widths), around.log_mass)
+
+
+def _regressed(
+    terms: FloatArray, values: FloatArray, weight: FloatArray, pull: float
+) -> FloatArray:
+    """Return coefficients of terms (J, k) by weighted least squares, all but the first pulled."""
+    weighted = terms * weight[:, None]
+    penalty = np.full(terms.shape[1], pull + SINGULAR)
+    penalty[0] = 0.0
+    gram = weighted.T @ terms + np.diag(penalty)
+    out: FloatArray = np.linalg.solve(gram, weighted.T @ values)
+    return out
+
+
+def _order(y: FloatArray, weight: FloatArray) -> NDArray[np.intp]:
+    """Return the order of axes: next is the one that the rest follow best with those before it."""
+    order: list[int] = []
+    rest = list(range(y.shape[1]))
+    while len(rest) > 1 and len(order) < SETTINGS.few_rounds:
+        left = []
+        for k in rest:
+            terms = _terms(y[:, [*order, k]])
+            others = y[:, [j for j in rest if j != k]]
+            off = others - terms @ _regressed(terms, others, weight, 0.0)
+            left.append(np.sum(np.log(weight @ off**2 + SINGULAR**2)))
+        order.append(rest.pop(int(np.argmin(left))))
+    return np.array([*order, *rest])
 
 
 def _responsible(points: FloatArray, weight: FloatArray, components: list[Gaussian]) -> FloatArray:
@@ -208,43 +365,138 @@ def importance_draws(
 
     Where there are several ``modes``, the weights near each of them have a separate k-hat, and the
     largest counts: good draws at one mode do not show the mass of another.
+
+    See Also
+    --------
+    growing_draws : More proposals each round, for a density whose tails are found step by step.
     """
     rounds: list[_Round] = []
-    scale, target = 1.0, np.empty(0)
-    mixed: FloatArray = np.empty(0)
+    scale = 1.0
     # with coefficients among the unknowns each value is optimised: what can be trusted is enough
     good = KHAT_LIMIT if n_noise else SETTINGS.adapted_khat
-    for round_ in range(max_rounds):
+    weighted = _NONE
+    for _ in range(max_rounds):
         drawn = mixture_points(components, n_proposals, random_state)
         noise = scale * random_state.standard_normal((n_proposals, n_noise))
         rounds.append(_Round(np.hstack([drawn, noise]), components, scale))
-        target = np.append(target, log_density(rounds[-1].points))
-        if not np.isfinite(target).any():
-            raise NothingPossibleError(
-                "Almost everywhere near its mode the posterior is impossible: a prior with hard "
-                "ends may be too narrow. Widen it, or take one without ends."
-            )
-        points = np.concatenate([one.points for one in rounds])
-        shaped = points[:, : points.shape[1] - n_noise]
-        mixed = _mixed(mixed, rounds, points, n_noise)
-        log_proposal = mixed - np.log(len(rounds))
-        log_weight = target - log_proposal
-        smoothed, khat = _smoothed(log_weight, shaped, modes)
-        weight = np.exp(smoothed - special.logsumexp(smoothed))
-        effective = float(1 / np.sum(weight**2))
-        enough = effective >= SETTINGS.min_effective_share * n_proposals
-        if (enough and khat <= good) or round_ == max_rounds - 1:
+        weighted = _with_last(log_density, weighted, rounds, n_noise, modes)
+        enough = weighted.effective >= SETTINGS.min_effective_share * n_proposals
+        if enough and weighted.khat <= good:
             break
-        components = matched(shaped, weight, components)
+        shaped = weighted.points[:, : weighted.points.shape[1] - n_noise]
+        components = matched(shaped, weighted.weight, components)
         if len(components) <= SETTINGS.few_rounds:
-            components = [*components, *slices(shaped, weight, components)]
+            components = [*components, *slices(shaped, weighted.weight, components)]
         if n_noise:
-            noise = points[:, -n_noise:]
-            spread = np.sqrt(weight @ np.einsum("jk,jk->j", noise, noise) / n_noise)
+            squares = np.sum(weighted.points[:, -n_noise:] ** 2, axis=1)
+            spread = np.sqrt(weighted.weight @ squares / n_noise)
             scale = float(np.clip(spread, 0.5, 2.0))
-    index = _systematic_resample(weight, n_draws, random_state)
-    proposals = Proposals(points, log_proposal)
-    return ImportanceDraws(points[index], khat, effective, *log_mean(log_weight), proposals)
+    return _resampled(weighted, n_draws, random_state)
+
+
+def growing_draws(
+    log_density: LogDensity,
+    before: ImportanceDraws,
+    modes: Sequence[Gaussian],
+    defence: Gaussian,
+    n_proposals: int,
+    random_state: np.random.RandomState,
+) -> ImportanceDraws:
+    """Draw again through bends fitted to unreliable draws, with twice the proposals each round.
+
+    Until as many are effective as there are draws and their spread has converged. Along a narrow
+    bend each round reaches farther into the tails than the one before: draws of the weight-loss
+    data with intervals of half their width had a k-hat of 0.66.
+
+    Parameters
+    ----------
+    log_density : callable
+    before : ImportanceDraws
+    modes : sequence of Gaussian
+        Each gets a proposal that bends, and a few as it is: there may be a peak on a plain.
+        Weights near it have a separate k-hat.
+    defence : Gaussian
+        Proposals as wide as the priors, some in each round, which bound the weights of a heavy
+        tail (Hesterberg 1995, Technometrics 37:185).
+    n_proposals : int
+        Of the first round.
+    random_state : RandomState
+
+    Returns
+    -------
+    ImportanceDraws
+    """
+    n_draws = len(before.draws)
+    points, weight = before.draws, np.full(n_draws, 1 / n_draws)
+    around, few = list(modes), [defence, *(replace(mode, log_mass=-np.inf) for mode in modes)]
+    rounds: list[_Round] = []
+    weighted, spread = _NONE, np.full(points.shape[1], np.inf)
+    for k in range(_DOUBLINGS):
+        around = matched(points, weight, around)
+        components: list[Component] = [*few, *bent(points, weight, around)]
+        drawn = mixture_points(components, n_proposals * 2**k, random_state)
+        rounds.append(_Round(drawn, components, 1.0))
+        weighted = _with_last(log_density, weighted, rounds, 0, modes)
+        points, weight = weighted.points, weighted.weight
+        before_it, spread = spread, np.sqrt(weight @ (points - weight @ points) ** 2)
+        converged = np.all(np.abs(spread - before_it) <= SETTINGS.converged_spread * spread)
+        if converged and weighted.khat <= KHAT_LIMIT and weighted.effective >= n_draws:
+            break
+    return _resampled(weighted, n_draws, random_state)
+
+
+@dataclass(frozen=True)
+class _Weighted:
+    """Points (J, d) of all rounds, log densities (J,) and what they weigh."""
+
+    points: FloatArray
+    target: FloatArray
+    mixed: FloatArray
+    weight: FloatArray
+    khat: float
+
+    @property
+    def effective(self) -> float:
+        return float(1 / np.sum(self.weight**2))
+
+
+_NONE = _Weighted(np.empty((0, 0)), np.empty(0), np.empty(0), np.empty(0), np.inf)
+
+
+def _with_last(
+    log_density: LogDensity,
+    before: _Weighted,
+    rounds: Sequence[_Round],
+    n_noise: int,
+    modes: Sequence[Gaussian],
+) -> _Weighted:
+    """Return the points of all rounds with the last one's, weighted by the mixture of all."""
+    target = np.append(before.target, log_density(rounds[-1].points))
+    if not np.isfinite(target).any():
+        raise NothingPossibleError(
+            "Almost everywhere near its mode the posterior is impossible: a prior with hard "
+            "ends may be too narrow. Widen it, or take one without ends."
+        )
+    points = np.concatenate([one.points for one in rounds])
+    mixed = _mixed(before.mixed, rounds, points, n_noise)
+    shaped = points[:, : points.shape[1] - n_noise]
+    smoothed, khat = _smoothed(target - mixed, shaped, modes)
+    weight: FloatArray = np.exp(smoothed - special.logsumexp(smoothed))
+    return _Weighted(points, target, mixed, weight, khat)
+
+
+def _resampled(
+    weighted: _Weighted, n_draws: int, random_state: np.random.RandomState
+) -> ImportanceDraws:
+    index = _systematic_resample(weighted.weight, n_draws, random_state)
+    log_proposal = weighted.mixed - np.log(len(weighted.points))
+    return ImportanceDraws(
+        weighted.points[index],
+        weighted.khat,
+        weighted.effective,
+        *log_mean(weighted.target - log_proposal),
+        Proposals(weighted.points, log_proposal),
+    )
 
 
 def log_mean(log_weight: FloatArray) -> tuple[float, float]:
@@ -258,14 +510,14 @@ class _Round(NamedTuple):
     """Points (J, d + n_noise) of one round, and what they were drawn from."""
 
     points: FloatArray
-    components: list[Gaussian]
+    components: Sequence[Component]
     scale: float
 
 
 def _mixed(
     before: FloatArray, rounds: Sequence[_Round], points: FloatArray, n_noise: int
 ) -> FloatArray:
-    """Return the log of the summed densities of all rounds (J,), those of the last one added.
+    """Return the log of the summed densities of all points drawn (J,), the last round's added.
 
     ``before`` holds it for the points and the densities of the rounds before.
     """
@@ -281,7 +533,7 @@ def _round_log_density(one: _Round, points: FloatArray, n_noise: int) -> FloatAr
     shaped = mixture_log_density(one.components, points[:, :d])
     # of n_noise normal variables of that scale
     constant = n_noise * np.log(one.scale * np.sqrt(2 * np.pi))
-    return shaped - 0.5 * squares / one.scale**2 - constant
+    return np.log(len(one.points)) + shaped - 0.5 * squares / one.scale**2 - constant
 
 
 def _smoothed(

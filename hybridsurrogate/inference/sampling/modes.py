@@ -202,7 +202,7 @@ def find_modes(
         prune=True,
         least_step=least_step,
     )
-    if np.spacing(np.abs(value.max())) > EVIDENCE.converged_gain:
+    if np.spacing(np.abs(value.max())) > SETTINGS.mode_gain:
         raise ValueError(
             f"At the best parameters the log density is {value.max():.1g}, so low that rounding "
             "hides how it changes: the data are further from the simulation than any noise that "
@@ -232,7 +232,7 @@ def optimise_density(
     active = np.ones(len(x), dtype=bool)
     slopes, curvatures = np.empty(x.shape), np.empty((*x.shape, x.shape[1]))
     known = np.zeros(len(x), dtype=bool)
-    for iteration in range(EVIDENCE.optimiser_steps):
+    for iteration in range(SETTINGS.mode_steps):
         if prune and iteration >= 4:  # starts far below the best will not matter
             active &= value > value.max() - 25.0
         if not active.any():
@@ -259,7 +259,7 @@ def optimise_density(
         share = STEP_SHARE * np.clip(1 / np.sqrt(np.maximum(diagonal, 1e-8)), 1e-7, 0.5)
         before, step[index] = step[index], np.maximum(share, least_step)
         known[index] = ~better & np.all(np.abs(np.log2(step[index] / before)) < 1, axis=1)
-        done = (gain < EVIDENCE.converged_gain) | (damping[index] > 1e4)
+        done = (gain < SETTINGS.mode_gain) | (damping[index] > 1e4)
         active[index[done]] = False
     _, hessian = _differences(log_density, np.arange(len(x)), x, value, step)
     return x, value, hessian

@@ -73,12 +73,16 @@ class Experiments:
         if self.column is None:
             return ()
         labels = self.labels.get(self.column)
-        return tuple(
-            SharedErrors(self.column, labels=labels)
-            if name in self.outputs
-            else ParameterByExperiment(name, self.column, how, labels=labels)
+        of_outputs = [name for name in self.by if name in self.outputs]
+        of_parameters = tuple(
+            ParameterByExperiment(name, self.column, how, labels=labels)
             for name, how in self.by.items()
+            if name not in of_outputs
         )
+        if not of_outputs:
+            return of_parameters
+        spread = dict.fromkeys(of_outputs) if len(self.outputs) > 1 else None
+        return (*of_parameters, SharedErrors(self.column, spread, labels=labels))
 
 
 def experiments_of(
@@ -128,10 +132,10 @@ def check_experiments(
                 f"by_experiment: {name!r} is not a parameter of the simulation; these are: "
                 f"{list(parameters)}.{did_you_mean(name, parameters)}"
             )
-        if name in outputs and (how == "own" or len(outputs) > 1):
+        if name in outputs and how == "own":
             raise ValueError(
                 f"by_experiment[{name!r}] is of an output: rows of one experiment share an error. "
-                'It must be "spread", and the only output.'
+                'It must be "spread".'
             )
         if how not in _WAYS:
             raise ValueError(

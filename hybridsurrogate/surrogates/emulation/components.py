@@ -1,11 +1,13 @@
 """The few curves that all runs are made of, and those by which repeated runs differ.
 
 Runs of a stochastic simulation that repeat the same parameters differ by a curve: its covariance
-along the places is pooled over all repeats, and components are those of the mean curves.
+along the places is pooled over all repeats, but for its size, and components are those of the mean
+curves.
 """
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
@@ -15,12 +17,100 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 from scipy.interpolate import make_interp_spline
+from scipy.special import digamma, polygamma
+from sklearn.exceptions import ConvergenceWarning
 
 from hybridsurrogate.numerics.linear_algebra import NEGLIGIBLE
 from hybridsurrogate.types import FloatArray
 
 # what the components leave of the spread of all curves, and how many there are at most
 LEFT_OUT, _MAX_COMPONENTS = 1e-3, 40
+
+
+# repeated runs that a changing noise is learned from, at random of more: time grows with their cube
+_MOST = 300
+# bounds of the variance of its log, where a low one is a constant, and of lengths in ranges
+_AMPLITUDES, _LENGTHS = (1e-5, 1e2), (0.2, 100.0)
+# of the pooled variance: repeats that agree have no logarithm
+_LEAST = 1e-4
+
+
+class Noise(NamedTuple):
+    """How far runs of equal inputs and parameters differ.
+
+    Attributes
+    ----------
+    sd : float
+        Pooled over all runs that are repeated; 0 where none is.
+    low, width : ndarray of shape (d,)
+        Ranges of the runs.
+    process : GaussianProcessRegressor or None
+        Of the log of the variance; None where it is equal everywhere.
+    level : float
+        Of the standard deviation, in units of the process's.
+    """
+
+    sd: float
+    low: FloatArray
+    width: FloatArray
+    process: Any = None
+    level: float = 1.0
+
+    @classmethod
+    def of_rows(cls, points: FloatArray, y: FloatArray) -> Noise:
+        """Return what repeats at equal points (n, d) show, with outputs (n,)."""
+        table = pd.DataFrame(points)
+        keys = table.groupby([*table.columns]).ngroup().to_numpy()
+        groups = pd.Series(y).groupby(keys)
+        degrees = groups.size().to_numpy() - 1
+        squares = groups.var(ddof=0).to_numpy() * (degrees + 1)
+        return cls.of(table.groupby(keys).first().to_numpy(), squares, degrees)
+
+    @classmethod
+    def of(cls, points: FloatArray, squares: FloatArray, degrees: FloatArray) -> Noise:
+        """Return the noise that sums of squares (n,) at points (n, d) show, and its change.
+
+        The log of a variance of f degrees of freedom has a known mean and variance (Bartlett and
+        Kendall 1946, Journal of the Royal Statistical Society Supplement 8:128); over the points
+        it is a Gaussian process (Ankenman, Nelson and Staum 2010, Operations Research 58:371), its
+        amplitude, which may vanish, and its lengths at their most likely values.
+        """
+        low, width = points.min(axis=0), np.ptp(points, axis=0)
+        width[width == 0] = 1.0
+        repeated = np.flatnonzero(degrees)
+        if not len(repeated) or not squares.any():
+            return cls(0.0, low, width)
+        pooled = np.sum(squares) / np.sum(degrees)
+        equal = cls(float(np.sqrt(pooled)), low, width)
+        # takes long to import, and few simulations scatter
+        from sklearn.gaussian_process import GaussianProcessRegressor
+        from sklearn.gaussian_process.kernels import RBF, ConstantKernel
+
+        some = np.random.default_rng(0).permutation(repeated)[:_MOST]
+        half, variance = degrees[some] / 2, squares[some] / degrees[some]
+        log = np.log(np.maximum(variance / pooled, _LEAST)) - digamma(half) + np.log(half)
+        error = polygamma(1, half)
+        kernel = ConstantKernel(1.0, _AMPLITUDES) * RBF(np.ones(len(low)), _LENGTHS)
+        process = GaussianProcessRegressor(kernel, alpha=error, random_state=0)
+        with warnings.catch_warnings():  # an input of no influence has the longest length
+            warnings.simplefilter("ignore", ConvergenceWarning)
+            process.fit((points[some] - low) / width, log - np.average(log, weights=1 / error))
+        # an amplitude and the lengths must pay for themselves (Akaike 1974, IEEE Transactions on
+        # Automatic Control 19:716)
+        constant = np.log([_AMPLITUDES[0], *np.ones(len(low))])
+        gain = process.log_marginal_likelihood_value_ - process.log_marginal_likelihood(constant)
+        if gain < len(constant):
+            return equal
+        found = equal._replace(process=process)
+        ratio = variance / found.at(points[some]) ** 2
+        return found._replace(level=float(np.sqrt(np.average(ratio, weights=half))))
+
+    def at(self, points: FloatArray) -> FloatArray:
+        """Return the standard deviation (n,) at inputs and parameters (n, d)."""
+        if self.process is None:
+            return np.full(len(points), self.sd)
+        log, error = self.process.predict((points - self.low) / self.width, return_std=True)
+        return np.asarray(self.level * np.exp((log + error**2 / 2) / 2))
 
 
 class Between(Protocol):
@@ -47,12 +137,15 @@ class Scatter(NamedTuple):
     factor : float
         On the curves where the inverse of their covariance is meant: that of an estimate is too
         large (Hartlap, Simon and Schneider 2007, Astronomy and Astrophysics 464:399, equation 17).
+    size : Noise
+        On both, over the further inputs and the parameters.
     """
 
     curves: FloatArray
     rest: FloatArray
     share: float
     factor: float
+    size: Noise
 
     def along(self, components: FloatArray) -> FloatArray:
         """Return the variance (k,) of mean curves along components (k, n_places)."""
@@ -66,6 +159,11 @@ class Scatter(NamedTuple):
         both = (components * self.rest**2) @ components.T
         of_rest += np.einsum("kt,kt->t", components, both @ components)
         return np.asarray(self.share * (np.sum(curves**2, axis=0) + of_rest))
+
+    @property
+    def is_known(self) -> bool:
+        """Whether some runs are repeated."""
+        return self.share < 1
 
     @property
     def directions(self) -> float:
@@ -110,8 +208,9 @@ class Curves:
         missed = np.mean((self.outputs - mean - left * size @ curves) ** 2, axis=0)
         missed = np.sqrt(np.maximum(missed - self.scatter.left_by(curves), 0.0))
         table = np.vstack([mean, curves, missed, self.scatter.rest, self.scatter.curves]).T
-        spline, factor = self.interpolated(table), self.scatter.factor
-        return Components(left * size, self.ends, spline, self.between, factor)
+        spline, scatter = self.interpolated(table), self.scatter
+        of_scatter = scatter.factor, scatter.size
+        return Components(left * size, self.ends, spline, self.between, *of_scatter)
 
     @property
     def ends(self) -> FloatArray:
@@ -168,7 +267,8 @@ class Components:
     between : BetweenPlaces or BetweenBoth
         Error of interpolation along them.
     factor : float
-        Of the scatter.
+    size : Noise
+        Both of the scatter.
     """
 
     coefficients: FloatArray
@@ -176,6 +276,7 @@ class Components:
     spline: Callable[[FloatArray], FloatArray]
     between: Between
     factor: float
+    size: Noise
 
     def at(self, places: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return mean (n,), components (n, k) and what these leave (n,) at places.
@@ -192,13 +293,20 @@ class Components:
 
 
 def scatter_of(
-    column: NDArray[np.intp], run: NDArray[np.intp], eta: FloatArray, n_places: int, n_runs: int
+    column: NDArray[np.intp],
+    run: NDArray[np.intp],
+    eta: FloatArray,
+    n_places: int,
+    others: FloatArray,
 ) -> Scatter:
     """Return how repeats that have all places differ, of rows (n,) at a place of a run.
 
-    Curves as long as they are larger than those of independent rows.
+    Curves as long as they are larger than those of independent rows. ``others`` (n_runs, d) are the
+    further inputs and the parameters of the runs.
     """
-    none = Scatter(np.empty((0, n_places)), np.zeros(n_places), 1.0, 1.0)
+    n_runs, nothing = len(others), np.zeros(len(others))
+    equal = Noise.of(others, nothing, nothing)._replace(sd=1.0)
+    none = Scatter(np.empty((0, n_places)), np.zeros(n_places), 1.0, 1.0, equal)
     frame = pd.DataFrame({"run": run, "column": column, "eta": eta})
     frame["repeat"] = frame.groupby(["run", "column"]).cumcount()
     if not frame["repeat"].any():
@@ -219,4 +327,17 @@ def scatter_of(
     share = np.sum(1 / by_run.size()) + n_runs - by_run.ngroups
     rest = np.sqrt(np.sum((size[q:, None] * curves[q:]) ** 2, axis=0))
     factor = np.sqrt(degrees / max(degrees - q - 1, 1))
-    return Scatter(size[:q, None] * curves[:q], rest, float(share / n_runs), float(factor))
+    scatter = Scatter(
+        size[:q, None] * curves[:q], rest, float(share / n_runs), float(factor), equal
+    )
+    total = float(np.sum(differ**2))
+    if not total:
+        return scatter
+    # a sum over all places has the degrees of freedom of so many directions (Satterthwaite 1946,
+    # Biometrics Bulletin 2:110)
+    squares = pd.Series(degrees * np.sum(differ**2, axis=1) / total).groupby(
+        whole.index.get_level_values("run")
+    )
+    own = others[squares.size().index]
+    each = scatter.directions * np.array([squares.sum(), squares.size() - 1])
+    return scatter._replace(size=Noise.of(own, *each)._replace(sd=1.0))

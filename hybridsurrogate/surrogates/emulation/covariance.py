@@ -246,8 +246,13 @@ class Conditioned(NamedTuple):
     centers: NDArray[np.intp] | slice = slice(None)
 
 
-def conditioned(matrix: FloatArray, nugget: float, residual: FloatArray) -> Conditioned:
-    """Return a process given runs with covariance (n, n) and outputs (n, k) less their mean."""
+def conditioned(
+    matrix: FloatArray, nugget: FloatArray | float, residual: FloatArray
+) -> Conditioned:
+    """Return a process given runs with covariance (n, n) and outputs (n, k) less their mean.
+
+    ``nugget`` is that of all, or of each (n,).
+    """
     n = len(residual)
     lower = nudged_cholesky((matrix + nugget * np.eye(n))[None])[0]
     whiten: FloatArray = solve_triangular(lower, np.eye(n), lower=True)
@@ -269,8 +274,12 @@ def _left_out(
     return np.sqrt(variance), misses, weights / precision[:, None], precision
 
 
-def condensed(matrix: FloatArray, nugget: float, residual: FloatArray) -> Conditioned:
+def condensed(
+    matrix: FloatArray, nugget: float, residual: FloatArray, shares: FloatArray
+) -> Conditioned:
     """Return `conditioned` by fewer runs, where these give all others better than the nugget does.
+
+    The nugget of each run is that of all times its share (n,).
 
     All runs inform the weights of those few, as in the projected process of Rasmussen and Williams
     2006, equations 8.26 and 8.27: 500 of 2,000 curves of two parameters, a quarter of the time of
@@ -279,26 +288,29 @@ def condensed(matrix: FloatArray, nugget: float, residual: FloatArray) -> Condit
     # where others leave no more of a run, it is none of those that a prediction is made of: of
     # 2,000 curves the mean then moved by at most 0.07 of its error, which is the same; at a tenth
     # of a nugget by one and a half of them
-    lower, order, m, _ = dpstrf(matrix, tol=_MINOR_SHARE * nugget, lower=1)
+    lower, order, m, _ = dpstrf(matrix, tol=_MINOR_SHARE * nugget * np.min(shares), lower=1)
     if 2 * m > len(matrix):
-        return conditioned(matrix, nugget, residual)
-    order, factor, one = order - 1, np.tril(lower[:, :m]), np.eye(m)
-    outputs = residual[order]
+        return conditioned(matrix, nugget * shares, residual)
+    order, one = order - 1, np.eye(m)
+    root = np.sqrt(shares[order, None])
+    # in units of each run's noise
+    factor, outputs = np.tril(lower[:, :m]) / root, residual[order] / root
     precision = cholesky(factor.T @ factor + nugget * one, lower=True)
     white = solve_triangular(precision, factor.T, lower=True)
     fit = white @ outputs
-    whiten = solve_triangular(factor[:m], one, lower=True)
+    whiten = solve_triangular(factor[:m] * root[:m], one, lower=True)
     weights = whiten.T @ solve_triangular(precision, fit, lower=True, trans=1)
-    # of what few runs give, the share that is known; its eigenvalues go from _HUNDREDTH to 1
+    # of what few runs give, the share that is known; its eigenvalues go from _MINOR_SHARE to 1
     known = cholesky(one - nugget * cho_solve((precision, True), one), lower=True)
     of_all = (outputs - white.T @ fit) / nugget, (1 - np.sum(white**2, axis=0)) / nugget
-    sd, misses, left_out, diagonal = _left_out(outputs, *of_all)
+    own = of_all[0] / root, of_all[1] / shares[order]
+    sd, misses, left_out, diagonal = _left_out(residual[order], *own)
     back = np.argsort(order)
     of_runs = misses[back], left_out[back], diagonal[back]
     return Conditioned(weights, known.T @ whiten, sd, *of_runs, order[:m])
 
 
-def weights_of(matrix: FloatArray, nugget: float, residual: FloatArray) -> FloatArray:
+def weights_of(matrix: FloatArray, nugget: FloatArray | float, residual: FloatArray) -> FloatArray:
     """Return the weights (n, k) of `conditioned` alone: a third of its time."""
     lower = nudged_cholesky((matrix + nugget * np.eye(len(residual)))[None])[0]
     return np.asarray(cho_solve((lower, True), residual))
@@ -352,7 +364,10 @@ class LocalError(NamedTuple):
 _PRIOR_SD = 2.0
 # an input without influence has the longest length: at 50 errors of the borehole function are twice
 # as large from 1,000 runs
-_LENGTHS, _NUGGETS, _SHARES, _MAX_BEND = (0.05, 1000.0), (1e-7, 10.0), (1e-3, 1e5), 8.0
+_LENGTHS, _SHARES, _MAX_BEND = (0.05, 1000.0), (1e-3, 1e5), 8.0
+# the least nugget is there for the digits alone
+LEAST_NUGGET = 1e-7
+_NUGGETS = (LEAST_NUGGET, 10.0)
 # logarithms of nugget and share to start from: with others, rougher or with more of the terms, 71
 # of 76 fits to runs of 12 simulations are the same, and errors by less than a thousandth
 _START = (-9.0, -2.0)

@@ -30,6 +30,7 @@ from hybridsurrogate.numerics.linear_algebra import (
 )
 from hybridsurrogate.surrogates.emulation.components import Components
 from hybridsurrogate.surrogates.emulation.covariance import (
+    LEAST_NUGGET,
     MAX_CURVES,
     MAX_DENSE,
     LocalError,
@@ -72,6 +73,8 @@ class CurveEmulator:
         Factors on the error where the runs show that it is larger.
     left_out : LeftOutRuns
         Runs that are left out.
+    repeated : bool
+        Whether some runs are repeated.
     """
 
     along: int | tuple[int, int]
@@ -83,6 +86,7 @@ class CurveEmulator:
     sd: FloatArray
     local: LocalError
     left_out: LeftOutRuns
+    repeated: bool
 
     def output(self, X: FloatArray, omega: FloatArray) -> FloatArray:
         """Return the most probable output for rows of inputs and parameters, (n,)."""
@@ -112,7 +116,8 @@ class CurveEmulator:
         mean, curves, missed = self.components.at(X[:, self.along])
         output = mean + np.einsum("nk,nk->n", curves, coefficients[group])
         rest = np.hypot(missed, self.between(X))
-        spread = [left[group, None] * curves * self.sd, rest, self.realisation(X)]
+        scatter = self.realisation(X) * self.components.size.at(points)[group, None]
+        spread = [left[group, None] * curves * self.sd, rest, scatter]
         return output, np.column_stack(spread)
 
     def spread(self, X: FloatArray, omega: FloatArray) -> FloatArray:
@@ -136,11 +141,19 @@ class CurveEmulator:
         return distinct(np.hstack([np.delete(X, self.along, axis=1), omega]))[1]
 
     def scatter(self, X: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return S (n, q) and s (n,): runs at equal parameters differ by S S' + diag(s^2)."""
+        """Return S (n, q) and s (n,): runs at equal parameters differ by S S' + diag(s^2).
+
+        Where the scatter is of its usual size.
+        """
         return self.components.scatter(X[:, self.along])
 
+    def size(self, X: FloatArray, omega: FloatArray) -> FloatArray:
+        """Return how large the scatter is at rows of inputs and parameters, (n,): usually 1."""
+        points, group = self._points(X, omega)
+        return self.components.size.at(points)[group]
+
     def realisation(self, X: FloatArray) -> FloatArray:
-        """Return F (n, q): one measured run differs from the mean by F F'.
+        """Return F (n, q): one measured run differs from the mean by F F', at the usual size.
 
         Independent numbers are left to the noise of measured rows.
         """
@@ -168,7 +181,9 @@ class CurveEmulator:
         spread = np.empty((len(omega), len(X), k + 1 + scatter.shape[1]))
         np.multiply(left[:, None, None], curves * self.sd, out=spread[..., :k])
         spread[..., k] = np.hypot(missed, self.between(X))
-        spread[..., k + 1 :] = scatter
+        np.multiply(
+            self.components.size.at(omega)[:, None, None], scatter, out=spread[..., k + 1 :]
+        )
         return mean + coefficients @ curves.T, spread
 
     def _coefficients(self, points: FloatArray) -> FloatArray:
@@ -187,8 +202,18 @@ class CurveEmulator:
             coefficients[some] = alike @ self.weights
             white = alike @ self.whiten.T
             variance = places.variances() - np.einsum("ij,ij->i", white, white)
-            left[some] = np.sqrt(np.maximum(variance, 0.0)) * self.local.at(places.points)
+            variance = np.maximum(variance, 0.0) + self.unrepeated
+            left[some] = np.sqrt(variance) * self.local.at(places.points)
         return coefficients, left
+
+    @property
+    def unrepeated(self) -> float:
+        """Variance of what a run differs by from its neighbours, where none shows that it is noise.
+
+        In units of the process's. Without repeats it is open what a run at these parameters gives.
+        """
+        noise = self.process.covariance.nugget
+        return 0.0 if self.repeated else max(noise - LEAST_NUGGET, 0.0)
 
     def error(self, X: FloatArray, omega: FloatArray) -> FloatArray:
         """Return F (n, r): the covariance of the error at all these rows is F F'.
@@ -202,10 +227,10 @@ class CurveEmulator:
         if len(points) == 1:
             factor = self._given_runs(points)[1][:, None]
         else:
-            factor = _factor(self.covariance(points))
+            factor = _factor(self._of_one_run(points, X.shape[1] - np.size(self.along)))
         of_runs = (curves * self.sd)[:, :, None] * factor[group][:, None, :]
         of_places, rest = self._error_between(X, places, group, missed)
-        scatter = self.realisation(X)
+        scatter: FloatArray = self.realisation(X) * self.components.size.at(points)[group, None]
         run = distinct(np.delete(X, self.along, axis=1))[1]
         if scatter.shape[1] and run.any():
             scatter = _factor(scatter @ scatter.T * (run[:, None] == run))
@@ -213,6 +238,13 @@ class CurveEmulator:
         if F.shape[1] <= len(X):
             return F
         return _factor(F @ F.T)
+
+    def _of_one_run(self, points: FloatArray, n_inputs: int) -> FloatArray:
+        """Return `covariance` of rows of one run each value of the inputs."""
+        run = distinct(points[:, :n_inputs])[1] if n_inputs else np.zeros(len(points))
+        local = self.local.at(self._places(points).points)
+        same = self.unrepeated * (run[:, None] == run)
+        return self.covariance(points) + same * local * local[:, None]
 
     def _error_between(
         self, X: FloatArray, places: Places, group: NDArray[np.intp], missed: FloatArray
@@ -272,14 +304,14 @@ class LeftOutRuns(NamedTuple):
         Of their components, as all others predict them.
     variance : ndarray of shape (m,)
         Of these means and of a run's noise, in units of the process's.
-    noise : float
+    noise : ndarray of shape (m,)
         The part of it that is noise.
     """
 
     runs: NDArray[np.intp]
     coefficients: FloatArray
     variance: FloatArray
-    noise: float
+    noise: FloatArray
 
 
 def _factor(covariance: FloatArray) -> FloatArray:
@@ -320,12 +352,14 @@ def emulate_curves(
     process = process_through(None, ranges, empty, curves.others, coefficients)
     runs = process.some(empty, curves.others, coefficients)
     matrix = runs.places.alike(runs.places)
-    given = condensed(matrix, process.covariance.nugget, runs.residual)
-    local = LocalError.of(runs.places.points, given.misses)
     used = used_rows(len(coefficients), MAX_CURVES)
+    nugget, shares = process.covariance.nugget, components.size.at(curves.others[used]) ** 2
+    shares = shares / np.mean(shares)
+    given = condensed(matrix, nugget, runs.residual, shares)
+    local = LocalError.of(runs.places.points, given.misses)
     variance = local.at(runs.places.points) ** 2 / given.precision
     mean = coefficients[used] - given.left_out
-    left_out = LeftOutRuns(used, mean, variance, process.covariance.nugget)
+    left_out = LeftOutRuns(used, mean, variance, nugget * shares)
     return CurveEmulator(
         curves.along,
         components,
@@ -336,4 +370,5 @@ def emulate_curves(
         given.sd,
         local,
         left_out,
+        curves.scatter.is_known,
     )

@@ -50,7 +50,7 @@ def curves_of(X: FloatArray, omega: FloatArray, eta: FloatArray) -> Curves | Non
     # where each run has its own places none is repeated
     shared = np.array_equal(places[np.minimum(column, len(places) - 1)], X[:, along])
     own = run if shared else np.arange(len(eta))
-    scatter = scatter_of(column, own, eta, len(places), len(others))
+    scatter = scatter_of(column, own, eta, len(places), others)
     whole = ~(interpolated | np.isnan(table)).any(axis=1)
     enough = np.sum(whole) >= MIN_CURVES
     pieces = [(places, table[whole])] if enough else _runs(X[:, along], run, eta)

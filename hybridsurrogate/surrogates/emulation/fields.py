@@ -108,7 +108,7 @@ def field_of(X: FloatArray, omega: FloatArray, eta: FloatArray) -> Field | None:
             continue
         total = np.bincount(run * n_places + column, eta, n_runs * n_places)
         outputs = (total / count).reshape(n_runs, n_places)
-        scatter = scatter_of(column, run, eta, n_places, n_runs)
+        scatter = scatter_of(column, run, eta, n_places, others)
         seen = outputs
         if scatter.directions:  # it is no error of interpolation
             mean, left, size, curves = principal(outputs, scatter)

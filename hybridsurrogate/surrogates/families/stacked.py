@@ -107,9 +107,15 @@ class StackedBasis(Basis):
         """Return each row's error between the places of runs that are curves."""
         return self._row_by_row(X, lambda k, rows, inputs: self.bases[k].between(inputs))
 
-    def scatter(self, X: FloatArray) -> FloatArray:
+    def scatter(self, X: FloatArray, omega: FloatArray) -> FloatArray:
         """Return the scatter of each row's output between runs of a stochastic simulation."""
-        return self._row_by_row(X, lambda k, rows, inputs: self.bases[k].scatter(inputs))
+        return self._row_by_row(
+            X, lambda k, rows, inputs: self.bases[k].scatter(inputs, omega[rows])
+        )
+
+    def unrepeated(self, X: FloatArray) -> FloatArray:
+        """Return by how much each row's output differs between runs of near parameters."""
+        return self._row_by_row(X, lambda k, rows, inputs: self.bases[k].unrepeated(inputs))
 
     @property
     def with_features(self) -> Basis | None:

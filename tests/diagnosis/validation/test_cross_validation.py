@@ -206,6 +206,9 @@ class Told:
     def log_predictive_density(self, X, y, y_err=None):
         return norm.logpdf(y, self.mean)
 
+    def side_of(self, y):
+        return np.zeros(len(y))
+
 
 @pytest.mark.parametrize("likelihood", ["normal", "lognormal", "student-t"])
 def test_rows_are_inside_where_the_interval_holds_them(likelihood):

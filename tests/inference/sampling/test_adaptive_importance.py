@@ -8,7 +8,7 @@ from moments import assert_gaussian
 from scipy import special, stats
 
 import hybridsurrogate as hs
-from hybridsurrogate.inference.sampling.importance import importance_draws
+from hybridsurrogate.inference.sampling.importance import bent, importance_draws
 from hybridsurrogate.inference.sampling.modes import Gaussian, find_modes, further_points
 from hybridsurrogate.numerics.psis import level_smooth, pareto_smooth
 
@@ -116,6 +116,24 @@ def test_importance_draws_follow_a_bend():
     assert np.mean([one.log_evidence for one in found]) == pytest.approx(constant, abs=0.02)
 
 
+def test_a_proposal_that_bends_is_a_density_and_draws_from_it():
+    """In two dimensions: its integral by a grid, and its distribution function at six points."""
+    rng = np.random.default_rng(0)
+    x = rng.standard_normal((4000, 2))
+    x[:, 1] = 0.5 * x[:, 0] ** 2 + 0.3 * np.exp(0.4 * x[:, 0]) * x[:, 1]
+    around = Gaussian(x.mean(axis=0), np.linalg.cholesky(np.cov(x.T)), 0.0)
+    for one in bent(x, np.full(4000, 1 / 4000), [around]):
+        at = np.stack(np.meshgrid(np.linspace(-15, 15, 801), np.linspace(-30, 60, 3001)), axis=-1)
+        cell = (30 / 800) * (90 / 3000)
+        density = np.exp(one.log_density(at.reshape(-1, 2))).reshape(at.shape[:2]) * cell
+        assert density.sum() == pytest.approx(1.0, abs=0.01)
+        drawn = one.draws(20_000, np.random.RandomState(0))
+        for end in [(0, 0), (0, 1), (1, 1), (-1, 1), (1, 0.2), (2, 3)]:
+            below = density[np.all(at <= end, axis=-1)].sum()
+            share = np.mean(np.all(drawn <= end, axis=1))
+            assert share == pytest.approx(below, abs=0.01 + 4 * np.sqrt(below * (1 - below) / 2e4))
+
+
 def two_modes(x):  # nine tenths around 0, one tenth around 20, in eight dimensions
     near, far = (stats.norm(c).logpdf(x).sum(axis=1) for c in (0.0, 20.0))
     return np.logaddexp(near + np.log(0.9), far + np.log(0.1))
@@ -179,6 +197,17 @@ def test_khat_does_not_condemn_the_steps_of_a_plateau():
     total = 1 + mass / 2 + 5 * np.diff(base.cdf([-0.506, -0.494]))[0]
     # resampled from as many, of weight two: the variance of a count, times three
     assert inside.mean() == pytest.approx(mass / total, abs=4 * np.sqrt(3 * mass / 2000))
+
+
+@pytest.mark.parametrize("n", [1000, 20_000])
+@pytest.mark.parametrize("k", [0.7, 1.0])
+def test_no_heavy_tail_passes_for_level(k, n):
+    """Logs of Pareto variables are exponential; of a thousand samples one may be so low."""
+    rng = np.random.default_rng(n)
+    samples = k * rng.exponential(size=(200, n))
+    heavy = [one for one in samples if pareto_smooth(one)[1] > 0.7]
+    assert len(heavy) > 60
+    assert sum(level_smooth(one)[1] <= 0.7 for one in heavy) <= 1
 
 
 def test_weights_that_are_no_numbers_weigh_nothing():

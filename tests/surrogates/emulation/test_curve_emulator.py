@@ -58,14 +58,18 @@ def emulator(function, n_runs=60, seed=0):
     return found, X, omega, eta
 
 
-def test_few_of_many_runs_predict_as_all_of_them():
+@pytest.mark.parametrize("ratio", [1.0, 3.0])
+def test_few_of_many_runs_predict_as_all_of_them(ratio):
+    """Also where the nuggets of runs differ by a ratio."""
     rng = np.random.default_rng(0)
     covariance = Covariance(np.full(2, 3.0), np.zeros(2), 1e-5, 0.0)
     process = Process(None, np.array([[0.0, 1.0]] * 2), covariance, np.empty(0))
     points, places = rng.random((600, 2)), rng.random((100, 2))
     runs, new = (process.places(np.empty((len(p), 0)), p) for p in (points, places))
     outputs = np.column_stack([np.sin(3 * points[:, 0]) * points[:, 1], np.exp(-points[:, 0])])
-    every, few = (f(runs.alike(runs), 1e-5, outputs) for f in (conditioned, condensed))
+    shares = ratio ** (points[:, 0] - 0.5)
+    every = conditioned(runs.alike(runs), 1e-5 * shares, outputs)
+    few = condensed(runs.alike(runs), 1e-5, outputs, shares)
     assert len(few.weights) < 300
     (mean, sd), (of_few, sd_of_few) = (
         (alike @ given.weights, np.sqrt(1 - np.sum((alike @ given.whiten.T) ** 2, axis=1)))

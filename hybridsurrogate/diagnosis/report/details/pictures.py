@@ -64,10 +64,10 @@ def _drawn(
     view: View, test: Test, axes: Sequence[Axes] | None
 ) -> tuple[list[Axes], pd.DataFrame, float | None]:
     """Return Axes, the numbers at the measured rows, and where the picture begins, if later."""
-    held = None
+    held = held_side = None
     if test is not None:
         rows, values = view.held_back(test)
-        held = rows[:, view.shown], values
+        held, held_side = (rows[:, view.shown], values), view.result.before.side_of(values)
     low = _start(view, held)
     shown = np.ones(len(view.x), dtype=bool) if low is None else view.x >= low
     x, y = view.x[shown], view.y[shown]
@@ -98,6 +98,7 @@ def _drawn(
         axes,
         None if view.y_err is None else view.y_err[shown],
         None if view.side is None else view.side[shown],
+        held_side,
     )
     logarithmic(axes[0], view, y)
     _write_names(axes[-1], view)
