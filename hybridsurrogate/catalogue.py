@@ -12,7 +12,7 @@ from hybridsurrogate.effects.registry import FORMS, Form
 from hybridsurrogate.effects.wrapped import InOutput, of_all_outputs, of_output
 
 # distinct times that a change inside an ODE needs: one that is placed in time, and any other
-_TIMES_IN_TIME, _TIMES = 8, 3
+_MIN_TIMES_PLACED, _MIN_TIMES = 8, 3
 
 
 @dataclass(frozen=True)
@@ -118,7 +118,7 @@ def _reason_to_skip(form: Form, cause: Cause, context: Context) -> str | None:
         return "the likelihood has no scale of the noise that could change"
     if cause.modification is not None and context.states:
         distinct = len(np.unique(context.X[context.inputs[0]]))
-        needed = _TIMES_IN_TIME if cause.modification.is_in_time else _TIMES
+        needed = _MIN_TIMES_PLACED if cause.modification.is_in_time else _MIN_TIMES
         if distinct < needed:
             return f"{context.inputs[0]} has {distinct} distinct values, {needed} are needed"
         if cause.modification.looks_back and not context.remembers:

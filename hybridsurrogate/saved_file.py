@@ -21,7 +21,7 @@ from hybridsurrogate.numerics.atomic_file import check_writable, written_whole
 
 _FIRST = b"hybridsurrogate saved file\n"
 # of the first two lines: what a file of another kind may have instead of a line break
-_LONGEST = 100_000
+_MAX_LINE = 100_000
 
 
 def save(fitted: Any, path: str | os.PathLike[str], code: str | None = None) -> None:
@@ -99,7 +99,7 @@ def about_saved(path: str | os.PathLike[str]) -> dict[str, Any]:
     about = None
     with file.open("rb") as head, suppress(ValueError):
         if head.readline(len(_FIRST)) == _FIRST:
-            about = json.loads(head.readline(_LONGEST))
+            about = json.loads(head.readline(_MAX_LINE))
     if not isinstance(about, dict):
         raise ValueError(
             f"{str(file)!r} is no saved fit or diagnosis: hybridsurrogate.save writes one."
@@ -149,8 +149,8 @@ def load(path: str | os.PathLike[str]) -> Any:
     about = about_saved(path)
     try:
         with check_readable(path).open("rb") as file:
-            file.readline(_LONGEST)
-            file.readline(_LONGEST)
+            file.readline(_MAX_LINE)
+            file.readline(_MAX_LINE)
             with gzip.open(file, "rb") as packed:
                 return pickle.load(packed)
     except Exception as error:

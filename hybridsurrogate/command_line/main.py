@@ -112,10 +112,6 @@ class Unbroken:
             os.dup2(os.open(os.devnull, os.O_WRONLY), self._stream.fileno())
 
 
-# as argparse exits, and shells report an interrupt: 128 and the number of the signal
-_UNUSABLE, _INTERRUPTED = 2, 130
-
-
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the command line; return the exit code.
 
@@ -146,10 +142,10 @@ def main(argv: Sequence[str] | None = None) -> int:
                     return command.run(given)
         except (ValueError, TypeError, OSError) as error:
             print(f"hybridsurrogate: {error}", file=sys.stderr)
-            return _UNUSABLE
+            return 2  # as argparse exits
         except KeyboardInterrupt:
             print("hybridsurrogate: interrupted.", file=sys.stderr)
-            return _INTERRUPTED
+            return 130  # as shells report an interrupt: 128 and the number of the signal
 
 
 def _from_file(path: str | None) -> dict[str, Any]:

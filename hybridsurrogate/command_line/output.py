@@ -23,10 +23,6 @@ from hybridsurrogate.numerics.atomic_file import check_writable, written_whole
 from hybridsurrogate.numerics.digits import probability
 from hybridsurrogate.saved_file import save
 
-# rows of the first table of causes
-_MOST_CAUSES = 5
-
-
 # at once, also where stdout is a file
 say = partial(print, flush=True)
 
@@ -101,7 +97,7 @@ def kinds_as_text(causes: pd.DataFrame) -> str:
     """
     known = causes[causes["probability"].notna()]
     by_kind = known.groupby(["kind", "target"], dropna=False, sort=False)["probability"].sum()
-    shown = by_kind.sort_values(ascending=False, kind="stable").head(_MOST_CAUSES)
+    shown = by_kind.sort_values(ascending=False, kind="stable").head(5)
     names = [kind if pd.isna(target) else f"{kind} in {target}" for kind, target in shown.index]
     return aligned(
         pd.DataFrame({"cause": names, "probability": [probability(float(one)) for one in shown]})

@@ -100,7 +100,7 @@ def _value(option: Option, value: Any, path: str, folder: Path) -> Any:
 
 
 # of measurements, beyond which kriging takes too long; of the polynomial that then takes its place
-_MOST_ROWS, _MOST_DEGREE = 200, 5
+_MAX_KRIGED_ROWS, _MAX_DEGREE = 200, 5
 _METHODS = {
     "power-scaling": PowerScaledSurrogate,
     "predictive-weighting": PredictiveWeightedSurrogate,
@@ -367,7 +367,7 @@ def surrogate_for(
     # curves are few runs, however many rows they have
     omega = simulation.omega
     curves = omega.shape[1] and 5 * len(np.unique(omega, axis=0)) <= simulation.n_rows
-    if n_rows <= _MOST_ROWS or curves:
+    if n_rows <= _MAX_KRIGED_ROWS or curves:
         return Kriging()
     return PolynomialChaos(largest_degree(simulation))
 
@@ -395,7 +395,7 @@ def largest_degree(simulation: SimulationData) -> int:
     simulation : SimulationData
     """
     n_runs, d = len(simulation.y), simulation.X.shape[1] + simulation.omega.shape[1]
-    fitting = [k for k in range(2, _MOST_DEGREE + 1) if 2 * math.comb(d + k, k) <= n_runs]
+    fitting = [k for k in range(2, _MAX_DEGREE + 1) if 2 * math.comb(d + k, k) <= n_runs]
     return max(fitting, default=1)
 
 

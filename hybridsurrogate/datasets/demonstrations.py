@@ -11,14 +11,14 @@ from hybridsurrogate.datasets import load_mauna_loa_co2, load_nile, make_log_sin
 
 
 class Demonstration(NamedTuple):
-    """What it is, its simulation and its data, rows held out, causes at most."""
+    """What it is, its simulation and its data, causes at most, rows held out."""
 
     introduction: str
     simulator: Any
     X: Any
     y: Any
+    max_causes: int
     test: tuple[Any, Any] | None = None
-    max_causes: int = 1
 
 
 def nile() -> Demonstration:
@@ -29,6 +29,7 @@ def nile() -> Demonstration:
         data.simulator,
         data.data,
         np.asarray(data.target),
+        1,
     )
 
 
@@ -42,8 +43,8 @@ def co2() -> Demonstration:
         data.simulator,
         data.data[early],
         np.asarray(data.target)[early],
+        2,
         (data.data[~early], np.asarray(data.target)[~early]),
-        max_causes=2,
     )
 
 
@@ -56,6 +57,7 @@ def log_sin() -> Demonstration:
         case.simulator,
         case.X,
         case.y,
+        1,
         (case.X_out, case.y_out),
     )
 

@@ -38,7 +38,9 @@ from hybridsurrogate.simulation.modification import Modification
 from hybridsurrogate.types import FloatArray, Prior
 
 # prior sd of coefficients whose columns have their size
-STANDARD = 1.0
+UNIT_SD = 1.0
+# usual change of the logarithm of a parameter that keeps its sign: halving and doubling
+USUAL_CHANGE = 0.7
 
 if TYPE_CHECKING:
     # scikit-learn has no types: of a class that may be anything, no arguments are checked

@@ -12,8 +12,8 @@ from scipy import stats
 from hybridsurrogate.arguments import check_choice
 from hybridsurrogate.effects.base import Cause, Context, Declared, FloatArray, Rows
 from hybridsurrogate.effects.context import (
-    LEAST_EACH,
-    MOST_EXPERIMENTS,
+    MAX_EXPERIMENTS,
+    MIN_ROWS_EACH,
     UNKNOWN,
     Axis,
     trouble_with_labels,
@@ -30,7 +30,7 @@ from hybridsurrogate.effects.registry import (
 )
 from hybridsurrogate.exceptions import did_you_mean
 from hybridsurrogate.priors import frozen
-from hybridsurrogate.simulation.variables import MOST_LEVELS
+from hybridsurrogate.simulation.variables import MAX_LEVELS
 from hybridsurrogate.types import Prior
 
 
@@ -152,9 +152,9 @@ def _trouble(cause: Cause, context: Context) -> str | None:
     if not isinstance(cause, Friction) or cause.column not in context.X:
         return None
     values = np.unique(context.column(cause.column))
-    if min(np.sum(values < 0), np.sum(values > 0)) >= LEAST_EACH:
+    if min(np.sum(values < 0), np.sum(values > 0)) >= MIN_ROWS_EACH:
         return None
-    return f"{cause.column} has fewer than {LEAST_EACH} distinct values on one side of zero"
+    return f"{cause.column} has fewer than {MIN_ROWS_EACH} distinct values on one side of zero"
 
 
 register(
@@ -332,11 +332,11 @@ class MissingInput(AtLevel, OverColumn):
 def trouble_with_levels(context: Context, column: str) -> str | None:
     """Return why a column cannot be taken as levels, None if it can."""
     _, counts = np.unique(context.X[column], return_counts=True)
-    most = MOST_EXPERIMENTS if column in context.labels else MOST_LEVELS
+    most = MAX_EXPERIMENTS if column in context.labels else MAX_LEVELS
     if not 2 <= len(counts) <= most:
         return f"{column} has {len(counts)} distinct values, 2 to {most} can be levels"
-    if counts.min() < LEAST_EACH:
-        return f"a level of {column} has {counts.min()} rows, {LEAST_EACH} are needed for each"
+    if counts.min() < MIN_ROWS_EACH:
+        return f"a level of {column} has {counts.min()} rows, {MIN_ROWS_EACH} are needed for each"
     return None
 
 

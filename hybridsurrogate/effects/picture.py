@@ -8,15 +8,11 @@ from matplotlib.figure import Figure
 
 from hybridsurrogate.effects.base import SIMULATED, SLOPE, Cause, Context
 from hybridsurrogate.likelihoods.student_t import log_shape
-from hybridsurrogate.simulation.variables import MOST_LEVELS
+from hybridsurrogate.simulation.variables import MAX_LEVELS
 from hybridsurrogate.types import FloatArray
 
-# curves of one picture: a choice of presentation
-_N_DRAWS = 5
-# draws from the bulk of the prior: the tails of a Cauchy prior would flatten all others
-_BULK = (0.15, 0.85)
 # of outliers, so many standard deviations are drawn
-_FAR = 15.0
+_MAX_Z = 15.0
 
 
 def plot_cause(cause: Cause, context: Context, ax: Axes | None = None) -> Axes:
@@ -41,17 +37,18 @@ def plot_cause(cause: Cause, context: Context, ax: Axes | None = None) -> Axes:
         column = SLOPE
         values = 2 * np.max(np.abs(context.slopes[cause.follows_slope[0]])) * np.array([-1, 1])
     if "outliers" in cause.acts_on:
-        column, values = "deviation, in sd of the other rows", np.array([-_FAR, _FAR])
+        column, values = "deviation, in sd of the other rows", _MAX_Z * np.array([-1, 1])
     x = np.linspace(values.min(), values.max(), 300)
     # a column of levels is only known at its levels
-    if column in context.X and len(np.unique(values)) <= MOST_LEVELS:
+    if column in context.X and len(np.unique(values)) <= MAX_LEVELS:
         x = np.unique(values)
     rows = {name: np.full(len(x), np.median(v)) for name, v in context.X.items()} | {column: x}
     for other in cause.reads[1:]:
         # a product is zero at the middle of the other column: draw it at the upper end
         rows[other] = np.full(len(x), np.max(context.X[other]))
-    shares = np.random.RandomState(0).uniform(*_BULK, (_N_DRAWS, len(cause.parameters)))
-    weights = np.random.RandomState(1).standard_normal((_N_DRAWS, len(cause.coefficients)))
+    # five curves, from the bulk of the prior: the tails of a Cauchy prior would flatten all others
+    shares = np.random.RandomState(0).uniform(0.15, 0.85, (5, len(cause.parameters)))
+    weights = np.random.RandomState(1).standard_normal((len(shares), len(cause.coefficients)))
     label = "change"
     for share, weight in zip(shares, weights, strict=True):
         theta = {
@@ -59,7 +56,7 @@ def plot_cause(cause: Cause, context: Context, ax: Axes | None = None) -> Axes:
             for (name, prior), q in zip(cause.parameters.items(), share, strict=True)
         }
         label, height = _shape(cause, rows, theta, weight, context)
-        ax.plot(x, height, "o-" if len(x) <= MOST_LEVELS else "-", lw=1.2, ms=4)
+        ax.plot(x, height, "o-" if len(x) <= MAX_LEVELS else "-", lw=1.2, ms=4)
     ax.set_xlabel(column)
     ax.set_ylabel(label)
     ax.set_title(cause.name, fontsize="medium")
@@ -76,7 +73,7 @@ def _shape(
     """Return what a cause changes, in words, and by how much at some rows."""
     n = len(next(iter(rows.values())))
     if "outliers" in cause.acts_on:
-        z = np.linspace(-_FAR, _FAR, n)
+        z = np.linspace(-_MAX_Z, _MAX_Z, n)
         return "log density of the noise", log_shape(z, np.asarray(cause.outliers(theta)))
     columns = cause.columns(rows, theta)
     if columns is not None:

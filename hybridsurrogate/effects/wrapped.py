@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import stats
 
-from hybridsurrogate.effects.base import STANDARD, Act, Cause, Context, FloatArray, Rows, Wrapped
+from hybridsurrogate.effects.base import UNIT_SD, Act, Cause, Context, FloatArray, Rows, Wrapped
 from hybridsurrogate.effects.expressions import Code, Tables
 from hybridsurrogate.exceptions import did_you_mean
 from hybridsurrogate.priors import from_normal, frozen, to_normal
@@ -219,7 +219,7 @@ class Sized(Wrapped):
     rows: Rows
     slopes: tuple[float, ...] = ()
 
-    coefficient_sd = STANDARD
+    coefficient_sd = UNIT_SD
     hierarchy = None
 
     @property

@@ -27,7 +27,7 @@ from hybridsurrogate.simulation.simulation_data import SimulationData
 from hybridsurrogate.simulation.variables import as_matrix, check_finite
 from hybridsurrogate.surrogates.basis import Domain
 from hybridsurrogate.surrogates.emulation.components import Noise
-from hybridsurrogate.surrogates.emulation.covariance import MOST_RUNS, process_through
+from hybridsurrogate.surrogates.emulation.covariance import MAX_RUNS, process_through
 from hybridsurrogate.surrogates.emulation.curve_emulator import emulate_curves
 from hybridsurrogate.surrogates.families.polynomial_chaos import PolynomialChaos
 from hybridsurrogate.types import FloatArray
@@ -294,7 +294,7 @@ def _emulated(kind: str, runs: SimulationData, y: FloatArray) -> OneEmulator:
         return OneEmulator("polynomial", linear, left_out, noise)
     process = process_through(trend, np.vstack(ranges), X, omega, y, noise.sd)
     shares = (noise.at(points) / noise.sd) ** 2 if noise.sd else np.ones(len(y))
-    kriged = through_runs(process, X, omega, y, MOST_RUNS, shares / shares.mean())
+    kriged = through_runs(process, X, omega, y, MAX_RUNS, shares / shares.mean())
     if not noise.sd:
         noise = noise._replace(sd=kriged.sd * float(np.sqrt(process.covariance.nugget)))
     return OneEmulator("kriging", kriged, of_process(kriged, y), noise)

@@ -27,7 +27,7 @@ from hybridsurrogate.simulation.simulator import SimulationData, Simulator
 from hybridsurrogate.types import FloatArray
 
 # doubtful draws of estimators with no more than this share of the weight make no doubtful average
-_MOST_DOUBTFUL = 0.1
+_MAX_DOUBTFUL_SHARE = 0.1
 
 
 class AveragedSurrogate(SurrogateEstimator):
@@ -234,7 +234,7 @@ class AveragedSurrogate(SurrogateEstimator):
         problems = [one.diagnostics_.problems() for one in fitted]
         doubtful = np.array([bool(found) for found in problems])
         share = float(weights[doubtful].sum())
-        if share > _MOST_DOUBTFUL:
+        if share > _MAX_DOUBTFUL_SHARE:
             worst = int(np.argmax(weights * doubtful))
             warnings.warn(
                 f"The draws of {doubtful.sum()} of {len(doubtful)} estimators, with "

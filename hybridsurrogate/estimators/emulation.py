@@ -37,17 +37,17 @@ from hybridsurrogate.types import FloatArray
 
 # seconds of a set of parameters from which runs are made beforehand; the most sets that are timed,
 # and the share of its time that each takes of four times as many where more are tried
-_SLOW, _MOST_TIMED, _GAIN_OF_MANY = 1e-3, 256, 0.6
+_SLOW_SECONDS, _MAX_TIMED, _BATCHING_GAIN = 1e-3, 256, 0.6
 # sets that a fit asks for: 3,400 to 6,700 with one to five parameters
-_SETS_OF_A_FIT = 5000
-# runs for each dimension (Loeppky, Sacks and Welch 2009, Technometrics 51:366), and at least
-_RUNS_EACH, _LEAST_RUNS = 10, 20
+_FIT_SETS = 5000
+# runs for each dimension (Loeppky, Sacks and Welch 2009, Technometrics 51:366)
+_RUNS_EACH = 10
 # places of a run: those that were measured, at most so many, and so many evenly over the range
-_MOST_PLACES, _EVEN_PLACES = 200, 25
-# rounds of further runs, in shares of the first ones, while more of the noise is left open
-_ROUNDS, _SHARE, _OPEN = 8, 0.25, 0.1
+_MAX_PLACES, _EVEN_PLACES = 200, 25
+# rounds of further runs, half as many as the first ones, while more of the noise is left open
+_ROUNDS, _MAX_LEFT_OPEN = 4, 0.1
 # seconds of which the user is warned before
-LONG = 150.0
+LONG_SECONDS = 150.0
 
 E = TypeVar("E", bound=CheckedEstimator)
 
@@ -113,15 +113,17 @@ def emulated(estimator: E, data: MeasuredData) -> E | None:
     simulator = estimator.simulation
     if estimator.surrogate is not None or not isinstance(simulator, Simulator):
         return None
+    if not simulator.parameter_ranges:
+        return None
     likelihood = estimator.checked_settings()[1]
     inputs = data.X[data.weights > 0][:, : len(simulator.input_names)]
     seconds = seconds_a_set(simulator, inputs)
-    if seconds < _SLOW:
+    if seconds < _SLOW_SECONDS:
         return None
     places = _places(simulator, inputs[:, 0])
-    n_first = max(_LEAST_RUNS, _RUNS_EACH * (len(simulator.parameter_ranges) + inputs.shape[1] - 1))
+    n_first = _RUNS_EACH * (len(simulator.parameter_ranges) + inputs.shape[1] - 1)
     each = max(1.0, len(places) / len(inputs))
-    if n_first * each > _SETS_OF_A_FIT:
+    if n_first * each > _FIT_SETS:
         return None
     _warn_if_long(simulator, n_first, len(places), seconds * each)
     # whatever the seed of the fit: fits to the same rows have the same runs
@@ -136,16 +138,16 @@ def emulated(estimator: E, data: MeasuredData) -> E | None:
             fitted.fit_data(data.simulated_by(runs))
         rows = data.distinct
         found = left_open(posterior_of_simulation(fitted), rows.X, rows.weights)
-        if found < _OPEN or not left:
+        if found < _MAX_LEFT_OPEN or not left:
             break
-        further = _further(fitted, simulator, max(1, round(_SHARE * n_first)), random)
+        further = _further(fitted, simulator, n_first // 2, random)
         runs = _possible(_with_further(runs, simulator, further, places), likelihood)
     for warning in caught:
         warnings.warn(warning.message, warning.category, stacklevel=3)
     fitted.emulation_ = Emulation(runs, seconds, found)
     warnings.warn(
         f"{fitted.emulation_} surrogate=ExactSurrogate() runs the simulation itself, some "
-        f"{_SETS_OF_A_FIT:,} sets of parameters a fit: {_duration(_SETS_OF_A_FIT * seconds)}.",
+        f"{_FIT_SETS:,} sets of parameters a fit: {_duration(_FIT_SETS * seconds)}.",
         EmulationWarning,
         stacklevel=3,
     )
@@ -177,8 +179,8 @@ def seconds_a_set(simulator: Simulator, X: FloatArray) -> float:
     Of several at once where these take less: more are tried while each takes far less of them.
     """
     ranges = [*simulator.parameter_ranges.values()]
-    none = np.empty((_MOST_TIMED, 0))
-    omega = draw_design(ranges, _MOST_TIMED, random_state=0) if ranges else none
+    none = np.empty((_MAX_TIMED, 0))
+    omega = draw_design(ranges, _MAX_TIMED, random_state=0) if ranges else none
     # the first call may find out that a function takes numbers, and compile or import what it needs
     with parallel_config(n_jobs=1):
         simulator.evaluate(X[:1], omega[:1])
@@ -186,11 +188,11 @@ def seconds_a_set(simulator: Simulator, X: FloatArray) -> float:
     def run(n: int) -> None:
         simulator.evaluate(np.tile(X, (n, 1)), np.repeat(omega[:n], len(X), axis=0))
 
-    return seconds_of_each(run, time.perf_counter, _MOST_TIMED if simulator.vectorized else 1)
+    return seconds_of_each(run, time.perf_counter, _MAX_TIMED if simulator.vectorized else 1)
 
 
 def seconds_of_each(
-    run: Callable[[int], object], clock: Callable[[], float], most: int = _MOST_TIMED
+    run: Callable[[int], object], clock: Callable[[], float], most: int = _MAX_TIMED
 ) -> float:
     """Return the seconds that ``run(n)`` takes for each of n sets of parameters, n at most."""
     n, each = 1, np.inf
@@ -199,7 +201,7 @@ def seconds_of_each(
         with parallel_config(n_jobs=1):  # processes take a second to start
             run(n)
         before, each = each, (clock() - start) / n
-        if each < _SLOW or each > _GAIN_OF_MANY * before or n == most:
+        if each < _SLOW_SECONDS or each > _BATCHING_GAIN * before or n == most:
             return min(each, before)
         n *= 4
 
@@ -218,7 +220,7 @@ def left_open(posterior: Posterior, X: FloatArray, weights: FloatArray) -> float
     float
         Root mean square over rows and draws.
     """
-    some = posterior.take(np.linspace(0, posterior.n_draws - 1, 50).astype(int))
+    some = posterior.thinned()
     X = X[weights > 0]
     features = some.model.simulated(X, some.values)[1]
     open_ = np.sum((features * some.model.basis.coefficient_sd) ** 2, axis=-1)
@@ -239,8 +241,8 @@ def _places(simulator: Simulator, measured: FloatArray) -> FloatArray:
     """Return the values of the first input that a run has: the measured ones, and evenly some."""
     low, high = simulator.input_ranges[simulator.input_names[0]]
     own = np.unique(measured[(measured >= low) & (measured <= high)])
-    if len(own) > _MOST_PLACES:
-        own = own[np.linspace(0, len(own) - 1, _MOST_PLACES).astype(int)]
+    if len(own) > _MAX_PLACES:
+        own = own[np.linspace(0, len(own) - 1, _MAX_PLACES).astype(int)]
     return np.union1d(own, np.linspace(low, high, _EVEN_PLACES))
 
 
@@ -286,7 +288,7 @@ def _with_further(
 
 def _warn_if_long(simulator: Simulator, n: int, n_places: int, seconds: float) -> None:
     """Warn before runs that take minutes, of so many seconds each."""
-    if n * seconds > LONG * effective_n_jobs():
+    if n * seconds > LONG_SECONDS * effective_n_jobs():
         warnings.warn(
             f"The simulation {simulator.name!r} takes {_duration(seconds)} for one set of "
             f"parameters, and is run at least {n} times before the fit: {_duration(n * seconds)}. "

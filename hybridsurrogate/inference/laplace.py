@@ -182,7 +182,7 @@ def gaussian_fit(whole: Design, sigma: FloatArray, width_rounds: int) -> Gaussia
     v: FloatArray = np.zeros((len(sigma), len(whole.kept)))
     if v.shape[1] and any(part.likelihood.rough for part in whole.parts):
         for _ in range(width_rounds):
-            v, _ = _climb(design, sigma, v, SETTINGS.few)
+            v, _ = _climb(design, sigma, v, SETTINGS.few_rounds)
             design = design.widened(nudged_cholesky(_derivatives(design, sigma, v)[1]))
     v, height = _climb(design, sigma, v, SETTINGS.mode_steps)
     factor = nudged_cholesky(_derivatives(design, sigma, v)[1])
@@ -421,6 +421,6 @@ class LaplacePosterior(PowerScaledPosterior):
             c = (factor @ v[:, :p, None])[..., 0]
         return w[:, :d], model.basis.coefficient_mean + c, v[:, p:] * model.column_sd
 
-    def _fit(self, u: FloatArray, width_rounds: int = SETTINGS.few) -> GaussianFit:
+    def _fit(self, u: FloatArray, width_rounds: int = SETTINGS.few_rounds) -> GaussianFit:
         design = self._design(u, truncated=True)
         return gaussian_fit(design, np.exp(u[:, -1:]), width_rounds)

@@ -84,11 +84,11 @@ def _approximations(
 ) -> tuple[list[Gaussian], list[Gaussian], bool]:
     """Return the modes that matter, what is proposed around all, and whether along lines."""
     best = found[0].log_mass
-    minor = [mode for mode in found if mode.log_mass > best + np.log(SETTINGS.least_share)]
+    minor = [mode for mode in found if mode.log_mass > best + np.log(SETTINGS.min_mode_share)]
     lines = with_lines(target, minor)
     best = max(line.mode.log_mass for line in lines)
     modes = [
-        line.mode for line in lines if line.mode.log_mass > best + np.log(SETTINGS.least_proposed)
+        line.mode for line in lines if line.mode.log_mass > best + np.log(SETTINGS.min_proposed)
     ]
     proposals = [proposal for line in lines for proposal in line.proposals]
     return modes, proposals, any(line.position is not None for line in lines)
@@ -135,15 +135,15 @@ def _improved(
     random_state: np.random.RandomState,
 ) -> tuple[ImportanceDraws, list[Gaussian]]:
     """Return better importance draws where few count: along a ridge, or from bends."""
-    scarce = sampled.effective_draws < SETTINGS.enough_effective * n
-    few = sampled.khat > SETTINGS.good_khat or scarce
+    scarce = sampled.effective_draws < SETTINGS.min_effective_share * n
+    few = sampled.khat > SETTINGS.adapted_khat or scarce
     # draws of a Gaussian on a bent ridge look good where all of them lie close to its middle; with
     # many that count and a heavy tail there is none
     adapted = len(sampled.proposals.points) > n
     thin = scarce or elongation(minor[0]) > SETTINGS.ridge_elongation
     if adapted and thin and not has_lines and target.n_dimensions > 2:
         along = _ridge_draws(target, minor, n, n_draws, random_state)
-        if along is not None and along.khat > SETTINGS.good_khat:
+        if along is not None and along.khat > SETTINGS.adapted_khat:
             # the optimiser may have stopped beside a ridge as narrow as its steps resolve
             points = along.proposals.points
             best = points[[int(np.argmax(target.search_density(points)))]]
@@ -152,7 +152,7 @@ def _improved(
             along = along if better is None or better.khat > along.khat else better
         if along is not None and along.khat <= KHAT_LIMIT:
             sampled, modes = along, modes[:1]
-            few = sampled.effective_draws < SETTINGS.enough_effective * n
+            few = sampled.effective_draws < SETTINGS.min_effective_share * n
     if few:
         args = sampled, modes, _as_wide_as_priors(modes[0]), max(n, MOST_PROPOSALS), random_state
         again = growing_draws(target.extended_log_density, *args)
@@ -164,7 +164,7 @@ def _as_wide_as_priors(mode: Gaussian) -> Gaussian:
     """Return proposals as the priors have them, with sigma as near a mode."""
     mean, factor = np.zeros_like(mode.mean), np.eye(len(mode.mean))
     mean[-1], factor[-1, -1] = mode.mean[-1], np.linalg.norm(mode.factor[-1])
-    return Gaussian(mean, factor, float(np.log(SETTINGS.prior_proposed)))
+    return Gaussian(mean, factor, float(np.log(SETTINGS.prior_proposal_share)))
 
 
 def _ridge_draws(

@@ -30,10 +30,10 @@ from hybridsurrogate.surrogates.families.parametric import ExactBasis
 from hybridsurrogate.types import FloatArray, Prior
 
 # the outermost share of a prior that holds so much of a posterior
-_OUTERMOST, _HELD = 0.02, 0.9
+_OUTER_SHARE, _OUTER_MASS = 0.02, 0.9
 # mean distance from the end over standard deviation: 1 of a density that falls off exponentially
 # from there, 1.32 of half a normal one, 1.73 of a uniform one
-_PILED_UP = 1.5
+_MAX_MEAN_TO_SD = 1.5
 
 
 class AtPriorEnd(NamedTuple):
@@ -93,9 +93,9 @@ def _at_ends(found: Iterable[tuple[tuple[str, Prior], FloatArray]]) -> list[AtPr
         for side, share, end in zip(
             ("low", "high"), (below, 1 - below), prior.support(), strict=True
         ):
-            outermost = np.mean(share < _OUTERMOST) > _HELD
-            if outermost or abs(mean - end) < _PILED_UP * sd < _PILED_UP * usual / 2:
-                beyond = float(prior.ppf(_OUTERMOST if side == "low" else 1 - _OUTERMOST))
+            outermost = np.mean(share < _OUTER_SHARE) > _OUTER_MASS
+            if outermost or abs(mean - end) < _MAX_MEAN_TO_SD * sd < _MAX_MEAN_TO_SD * usual / 2:
+                beyond = float(prior.ppf(_OUTER_SHARE if side == "low" else 1 - _OUTER_SHARE))
                 out.append(AtPriorEnd(name, side, mean, beyond))
                 break
     return out

@@ -20,9 +20,9 @@ from hybridsurrogate.types import FloatArray, Prior
 MAX_ETA = -float(np.log(np.finfo(float).eps))
 # a scatter below this is none to all digits; an expected count below it is none, with so much
 # probability
-LEAST = 1e-4
+SMALLEST_COUNT = 1e-4
 # standard deviations beyond which a normal density is none
-FAR = 30.0
+MAX_Z = 30.0
 _NODE, _WEIGHT = np.polynomial.hermite_e.hermegauss(9)
 _WEIGHT = _WEIGHT / _WEIGHT.sum()
 
@@ -68,9 +68,9 @@ def positive(curvature: FloatArray, gradient: FloatArray) -> FloatArray:
 
 
 # samples of a row from which expectations are averaged where no formula is given
-_SAMPLES = 400
+_N_SAMPLES = 400
 # width of the first smoothing of a density that may have kinks, in units of sigma
-_KERNEL = 0.8
+_KERNEL_WIDTH = 0.8
 
 
 class Likelihood(ABC):
@@ -259,9 +259,9 @@ class Likelihood(ABC):
         eta = np.asarray(eta, dtype=float)
         out = np.zeros(eta.shape)
         random_state = np.random.RandomState(0)
-        for _ in range(_SAMPLES):
+        for _ in range(_N_SAMPLES):
             out += function(self.sample(eta, sigma, random_state), eta, sigma, *others)
-        return out / _SAMPLES
+        return out / _N_SAMPLES
 
     def information(self, eta: FloatArray, sigma: FloatArray) -> FloatArray:
         """Return the Fisher information of each row about its eta, in the shape of eta.
@@ -332,7 +332,7 @@ class Likelihood(ABC):
         eta = np.asarray(eta, dtype=float)
         narrow = 1e-3 * (1 + np.abs(eta))
         if width is None:
-            width = _KERNEL * sigma if self.has_scale and self.rough else narrow
+            width = _KERNEL_WIDTH * sigma if self.has_scale and self.rough else narrow
             if self.scales_noise and not self.rough:
                 width = 0.01 * sigma
         wide = smoothed_moments(self.log_density, y, eta, sigma, width)

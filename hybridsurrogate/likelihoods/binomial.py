@@ -8,13 +8,13 @@ import numpy as np
 from scipy import special, stats
 
 from hybridsurrogate.arguments import as_real
-from hybridsurrogate.likelihoods.base import LEAST, MAX_ETA, Likelihood, positive, register
+from hybridsurrogate.likelihoods.base import MAX_ETA, SMALLEST_COUNT, Likelihood, positive, register
 from hybridsurrogate.likelihoods.student_t import GivenScale
 from hybridsurrogate.types import FloatArray, Prior
 
 # numbers of successes over which an information is summed: all at both ends, where there may be
 # peaks, and some between
-_AT_ENDS, _BETWEEN = 16, 97
+_N_AT_ENDS, _N_BETWEEN = 16, 97
 
 
 @dataclass(frozen=True)
@@ -69,7 +69,7 @@ class Binomial(Likelihood):
         """Return the log odds as `working` of whole numbers, and those of expected successes."""
         if np.all(y == np.round(y)):
             return self.working(y)
-        return special.logit(np.clip(y, LEAST, self.trials - LEAST) / self.trials)
+        return special.logit(np.clip(y, SMALLEST_COUNT, self.trials - SMALLEST_COUNT) / self.trials)
 
     def rounding(self, eta: FloatArray) -> FloatArray:
         """Return 1 / (sqrt(12) trials p (1 - p)): uniform errors of the mean, to first order."""
@@ -195,10 +195,10 @@ class BetaBinomial(Binomial):
     def _nodes(self) -> tuple[FloatArray, FloatArray]:
         """Return numbers of successes, and how many each stands for."""
         n = int(self.trials)
-        if n < 2 * _AT_ENDS + _BETWEEN:
+        if n < 2 * _N_AT_ENDS + _N_BETWEEN:
             return np.arange(n + 1.0), np.ones(n + 1)
-        between = np.round(np.linspace(_AT_ENDS, n - _AT_ENDS, _BETWEEN))
-        y = np.concatenate([np.arange(_AT_ENDS), between, n - np.arange(_AT_ENDS)[::-1]])
+        between = np.round(np.linspace(_N_AT_ENDS, n - _N_AT_ENDS, _N_BETWEEN))
+        y = np.concatenate([np.arange(_N_AT_ENDS), between, n - np.arange(_N_AT_ENDS)[::-1]])
         edges = np.concatenate([[-0.5], (y[1:] + y[:-1]) / 2, [n + 0.5]])
         return y, np.diff(edges)
 
@@ -229,7 +229,7 @@ class BetaBinomial(Binomial):
 
 def _shapes(eta: FloatArray, sigma: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return the shapes p phi and (1 - p) phi of the beta distribution."""
-    precision = np.maximum(sigma, LEAST) ** -2.0
+    precision = np.maximum(sigma, SMALLEST_COUNT) ** -2.0
     eta = np.clip(eta, -MAX_ETA, MAX_ETA)
     return precision * special.expit(eta), precision * special.expit(-eta)
 

@@ -10,7 +10,7 @@ from scipy import special
 
 from hybridsurrogate.arguments import as_real
 from hybridsurrogate.exceptions import did_you_mean
-from hybridsurrogate.likelihoods.base import FAR, LIKELIHOODS, Likelihood
+from hybridsurrogate.likelihoods.base import LIKELIHOODS, MAX_Z, Likelihood
 from hybridsurrogate.likelihoods.student_t import OfPlain, of_plain
 from hybridsurrogate.types import FloatArray
 
@@ -261,7 +261,7 @@ class Censored(OfPlain):
         low, high = ((end - eta) / sigma for end in self._limits_of_eta)
         out = special.ndtr(high) - special.ndtr(low)
         for a, sign in ((low, 1.0), (high, -1.0)):
-            a = np.clip(a, -FAR, FAR)
+            a = np.clip(a, -MAX_Z, MAX_Z)
             density = np.exp(-0.5 * a**2) / _ROOT
             out = out + sign * a * density + density * np.exp(_log_hazard(sign * a))
         return np.maximum(out, np.finfo(float).tiny) / np.square(sigma)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import special, stats
 
-from hybridsurrogate.likelihoods.base import LEAST, MAX_ETA, Likelihood, register
+from hybridsurrogate.likelihoods.base import MAX_ETA, SMALLEST_COUNT, Likelihood, register
 from hybridsurrogate.likelihoods.student_t import GivenScale
 from hybridsurrogate.types import FloatArray, Prior
 
@@ -44,7 +44,7 @@ class _Counts(Likelihood):
         """Return log(y + 1/2) of whole numbers, and log(y) of expected counts."""
         if np.all(y == np.round(y)):
             return self.working(y)
-        return np.log(np.maximum(y, LEAST))
+        return np.log(np.maximum(y, SMALLEST_COUNT))
 
     def rounding(self, eta: FloatArray) -> FloatArray:
         """Return 1 / (sqrt(12) mean): uniform errors of the mean, to first order."""
@@ -133,7 +133,7 @@ class NegativeBinomial(_Counts):
 
     def log_density(self, y: FloatArray, eta: FloatArray, sigma: FloatArray) -> FloatArray:
         """Return the log probability of each y."""
-        precision = np.maximum(sigma, LEAST) ** -2.0
+        precision = np.maximum(sigma, SMALLEST_COUNT) ** -2.0
         ratio = self.inverse(eta) / precision
         return (
             special.gammaln(y + precision)
@@ -145,13 +145,13 @@ class NegativeBinomial(_Counts):
 
     def log_below(self, y: FloatArray, eta: FloatArray, sigma: FloatArray) -> FloatArray:
         """Return the log probability of y or less: an incomplete beta function."""
-        precision, mean = np.maximum(sigma, LEAST) ** -2.0, self.inverse(eta)
+        precision, mean = np.maximum(sigma, SMALLEST_COUNT) ** -2.0, self.inverse(eta)
         found = special.betainc(precision, np.floor(y) + 1, precision / (precision + mean))
         return _log_tail(found, self, y, eta, sigma)
 
     def log_above(self, y: FloatArray, eta: FloatArray, sigma: FloatArray) -> FloatArray:
         """Return the log probability of y or more."""
-        precision, mean = np.maximum(sigma, LEAST) ** -2.0, self.inverse(eta)
+        precision, mean = np.maximum(sigma, SMALLEST_COUNT) ** -2.0, self.inverse(eta)
         y = np.ceil(y)
         found = special.betainc(np.maximum(y, 1), precision, mean / (precision + mean))
         return _log_tail(np.where(y > 0, found, 1.0), self, y, eta, sigma)
@@ -165,7 +165,7 @@ class NegativeBinomial(_Counts):
         self, eta: FloatArray, sigma: FloatArray, random_state: np.random.RandomState
     ) -> FloatArray:
         """Draw y once for each eta: a Poisson count whose mean is gamma distributed."""
-        precision = np.broadcast_to(np.maximum(sigma, LEAST) ** -2.0, np.shape(eta))
+        precision = np.broadcast_to(np.maximum(sigma, SMALLEST_COUNT) ** -2.0, np.shape(eta))
         factor = random_state.standard_gamma(precision) / precision
         mean = np.minimum(self.inverse(eta) * factor, np.exp(MAX_ETA))
         return random_state.poisson(mean).astype(float)
@@ -183,7 +183,7 @@ class NegativeBinomial(_Counts):
         self, y: FloatArray, eta: FloatArray, sigma: FloatArray, width: FloatArray | None = None
     ) -> tuple[FloatArray, FloatArray]:
         """Return score and curvature in eta."""
-        precision = np.maximum(sigma, LEAST) ** -2.0
+        precision = np.maximum(sigma, SMALLEST_COUNT) ** -2.0
         mean = self.inverse(eta)
         share = precision / (precision + mean)
         return (y - mean) * share, mean * share * (precision + y) / (precision + mean) + 1e-12

@@ -10,7 +10,7 @@ import numpy as np
 from scipy import special
 
 from hybridsurrogate.arguments import as_real
-from hybridsurrogate.likelihoods.base import FAR, Likelihood, positive, register, smoothed_moments
+from hybridsurrogate.likelihoods.base import MAX_Z, Likelihood, positive, register, smoothed_moments
 from hybridsurrogate.likelihoods.normal import TransformedNormal
 from hybridsurrogate.types import FloatArray, Prior
 
@@ -231,15 +231,15 @@ class GivenScale(OfPlain):
 
 
 # standard deviations of outliers in those of the rest, log-uniform between
-SMALLEST, LARGEST = 3.0, 30.0
-_LOG_RANGE = float(np.log(LARGEST / SMALLEST))
+NARROWEST, WIDEST = 3.0, 30.0
+_LOG_RANGE = float(np.log(WIDEST / NARROWEST))
 _ROOT = np.sqrt(2 * np.pi)
 # mean square of the scale of an outlier
-_OUTLIER_VARIANCE = (LARGEST**2 - SMALLEST**2) / (2 * _LOG_RANGE)
+_OUTLIER_VARIANCE = (WIDEST**2 - NARROWEST**2) / (2 * _LOG_RANGE)
 # nearer to the middle the density is flat, and its formula 0 / 0
-_FLAT = 1e-2
+_FLAT_BELOW = 1e-2
 # so far off only the logarithm of the density is a number
-_BEYOND = FAR * LARGEST
+_BEYOND = MAX_Z * WIDEST
 
 
 def log_shape(z: FloatArray, share: FloatArray | float) -> FloatArray:
@@ -248,15 +248,15 @@ def log_shape(z: FloatArray, share: FloatArray | float) -> FloatArray:
     ``(1 - share) phi(z) + share (Phi(z / 3) - Phi(z / 30)) / (z log 10)``, the second part being
     the integral of normal densities over the logarithm of their scale.
     """
-    size = np.maximum(np.abs(z), _FLAT)
+    size = np.maximum(np.abs(z), _FLAT_BELOW)
     near = (1 - share) * np.exp(-0.5 * size**2) / _ROOT
-    far = special.ndtr(-size / LARGEST) - special.ndtr(-size / SMALLEST)
+    far = special.ndtr(-size / WIDEST) - special.ndtr(-size / NARROWEST)
     with np.errstate(divide="ignore"):
         out = np.log(near + share * far / (size * _LOG_RANGE))
     beyond = size > _BEYOND
     if beyond.any():
         with np.errstate(divide="ignore"):
-            far = special.log_ndtr(-size / LARGEST) + np.log(share / (size * _LOG_RANGE))
+            far = special.log_ndtr(-size / WIDEST) + np.log(share / (size * _LOG_RANGE))
         out = np.where(beyond, far, out)
     return out
 
@@ -267,16 +267,16 @@ def precision_at(z: FloatArray, share: FloatArray | float) -> FloatArray:
     One for those that surely are no outliers; the weights of the EM algorithm, and the slope of
     minus `log_shape` over z.
     """
-    size = np.maximum(np.abs(z), _FLAT)
+    size = np.maximum(np.abs(z), _FLAT_BELOW)
     near = (1 - share) * np.exp(-0.5 * size**2) / _ROOT
-    inner, outer = size / SMALLEST, size / LARGEST
+    inner, outer = size / NARROWEST, size / WIDEST
     far = (special.ndtr(-outer) - special.ndtr(-inner)) / size
-    drop = np.exp(-0.5 * inner**2) / SMALLEST - np.exp(-0.5 * outer**2) / LARGEST
+    drop = np.exp(-0.5 * inner**2) / NARROWEST - np.exp(-0.5 * outer**2) / WIDEST
     steep = (far - drop / _ROOT) / size**2
     factor = share / _LOG_RANGE
     with np.errstate(invalid="ignore", divide="ignore"):
         out = (near + factor * steep) / (near + factor * far)
-    return np.where(np.isfinite(out), np.clip(out, LARGEST**-2.0, 1.0), LARGEST**-2.0)
+    return np.where(np.isfinite(out), np.clip(out, WIDEST**-2.0, 1.0), WIDEST**-2.0)
 
 
 @dataclass(frozen=True)
@@ -322,7 +322,7 @@ class Contaminated(HeavyTailed, OfPlain):
     ) -> FloatArray:
         """Draw y once for each eta."""
         shape = np.shape(eta)
-        scale = SMALLEST * np.exp(_LOG_RANGE * random_state.uniform(size=shape))
+        scale = NARROWEST * np.exp(_LOG_RANGE * random_state.uniform(size=shape))
         scale = np.where(random_state.uniform(size=shape) < self.share, scale, 1.0)
         return self.plain.sample(eta, sigma * scale, random_state)
 

@@ -34,13 +34,13 @@ from hybridsurrogate.types import FloatArray
 # steps in standard deviations of the priors, and places at which slopes over two are compared
 _STEPS = (SHORTEST_STEP, 10 * SHORTEST_STEP, 100 * SHORTEST_STEP)
 LONGEST_STEP = _STEPS[-1]
-_PLACES = 20
+_N_PLACES = 20
 # slopes that differ by this share of their size, root mean square over rows and then averaged over
 # places, disagree: smooth ones by some 1e-4, those of an output with a kink by 0.02, of one that
 # jumps by 0.7 or more
-_DISAGREE = 0.2
+_MAX_DISAGREEMENT = 0.2
 # share of rows: jumps of fewer are not those of the output
-_FEW_ROWS = 0.1
+_FEW_ROWS_SHARE = 0.1
 
 
 def least_step(model: MeasuredModel, X: FloatArray) -> float:
@@ -55,11 +55,11 @@ def least_step(model: MeasuredModel, X: FloatArray) -> float:
     shortest, *slopes = [_slopes(model, X, step) for step in (_STEPS[0] / 10, *_STEPS)]
     # what hardly ever changes over so short a step may be about to jump
     changes = np.any(shortest != 0, axis=2).mean(axis=0) > 0.5
-    is_smooth = changes & (_disagreement(shortest, slopes[0]) <= _DISAGREE)
+    is_smooth = changes & (_disagreement(shortest, slopes[0]) <= _MAX_DISAGREEMENT)
     # a parameter that is the place of a jump moves a row or two, however long the step
-    is_smooth |= np.mean(slopes[-1] != 0, axis=(0, 2)) < _FEW_ROWS
+    is_smooth |= np.mean(slopes[-1] != 0, axis=(0, 2)) < _FEW_ROWS_SHARE
     for step, (shorter, longer) in zip(_STEPS, pairwise(slopes), strict=False):
-        if np.all(is_smooth | (_disagreement(shorter, longer) <= _DISAGREE)):
+        if np.all(is_smooth | (_disagreement(shorter, longer) <= _MAX_DISAGREEMENT)):
             return 0.0 if step == _STEPS[0] else step
     return LONGEST_STEP
 
@@ -77,7 +77,7 @@ def _disagreement(a: FloatArray, b: FloatArray) -> FloatArray:
 def _slopes(model: MeasuredModel, X: FloatArray, step: float) -> FloatArray:
     """Return slopes (places, d, n) at places of the priors, zero where the simulation fails."""
     # a fixed spread, as the search is deterministic
-    z = np.random.RandomState(0).standard_normal((_PLACES, model.n_parameters))
+    z = np.random.RandomState(0).standard_normal((_N_PLACES, model.n_parameters))
     ahead, behind = np.swapaxes(around(model, X, z, step), 0, 1)
     with np.errstate(invalid="ignore", over="ignore"):
         slopes: FloatArray = (ahead - behind) / (2 * step)

@@ -22,8 +22,8 @@ from hybridsurrogate.simulation.simulator import Simulator
 from hybridsurrogate.surrogates.basis import Basis, Factors
 from hybridsurrogate.types import FloatArray, Prior
 
-# runs kept at a time, and the numbers in the rows of one
-_MOST_KEPT, _LARGEST_KEPT = 64, 20_000
+# places of which runs or slopes are kept at a time, and the numbers in the rows of one run
+MAX_KEPT_PLACES, _MAX_KEPT_NUMBERS = 64, 20_000
 
 
 class TransformedSimulation:
@@ -35,7 +35,7 @@ class TransformedSimulation:
 
     def __init__(self, simulator: Simulator, likelihood: Likelihood):
         self.simulator, self.likelihood = simulator, likelihood
-        self._kept = lru_cache(_MOST_KEPT)(self._run_of_bytes)
+        self._kept = lru_cache(MAX_KEPT_PLACES)(self._run_of_bytes)
         # inputs and parameters (1, k) of the first row without an output
         self._failed: tuple[FloatArray, FloatArray] | None = None
 
@@ -48,7 +48,7 @@ class TransformedSimulation:
 
     def __call__(self, X: FloatArray, omega: FloatArray) -> FloatArray:
         """Return the output (n,) for rows of inputs and parameters."""
-        if not 0 < X.size + omega.size <= _LARGEST_KEPT:
+        if not 0 < X.size + omega.size <= _MAX_KEPT_NUMBERS:
             return self._run(X, omega)
         return self._kept(X.T.tobytes(), omega.T.tobytes(), len(X)).copy()
 
@@ -125,7 +125,7 @@ class WorkingPoint:
         The likelihood's second parameter there.
     draws : ndarray of shape (S,)
         Draws of that parameter, for replicates.
-    factor : ndarray of shape (n,) or float, default=1.0
+    factor : ndarray of shape (n,)
         On that parameter in each row.
     """
 
@@ -133,7 +133,7 @@ class WorkingPoint:
     eta: FloatArray
     sigma: float
     draws: FloatArray
-    factor: FloatArray | float = 1.0
+    factor: FloatArray
 
     def response(self, y: FloatArray) -> FloatArray:
         """Return the working response of measured values (..., n)."""

@@ -26,10 +26,12 @@ from hybridsurrogate.types import FloatArray
 # step 1 is doubtful with fewer effective draws
 MIN_EFFECTIVE = 100.0
 # step 2 is doubtful with fewer effective proposals, or accepted moves, a draw
-LEAST_EFFECTIVE = 10.0
+MIN_EFFECTIVE_EACH = 10.0
 # draws that suffice for a mean, for the best of them, for a start, for averages over less probable
 # causes, and for scores whose difference counts: at many weights, or without one row
 FEW_DRAWS = 200
+# and for an average over them of what takes long at each, over runs and rows
+SOME_DRAWS = 50
 
 
 @dataclass(frozen=True)
@@ -95,7 +97,7 @@ class Diagnostics:
             found.append(
                 f"the Pareto k-hat of step 2 is {self.second_khat:.2f} (limit {KHAT_LIMIT})"
             )
-        if self.second_effective_draws < LEAST_EFFECTIVE:
+        if self.second_effective_draws < MIN_EFFECTIVE_EACH:
             what = "accepted moves" if self.second_step == "moves" else "effective proposals"
             found.append(f"step 2 rests on {self.second_effective_draws:.1f} {what} a draw")
         return found
@@ -237,6 +239,10 @@ class Posterior:
             if owner == effect
         }
         return theta, coefficients
+
+    def thinned(self, most: int = SOME_DRAWS) -> Posterior:
+        """Return the posterior with so many of its draws at most, evenly spaced."""
+        return self.take(np.linspace(0, self.n_draws - 1, min(self.n_draws, most)).astype(int))
 
     def estimates(self, effect: int) -> dict[str, FloatArray]:
         """Return the draws that one cause reports, in the user's units."""

@@ -41,7 +41,7 @@ from hybridsurrogate.types import FloatArray, Prior
 
 # beyond the first number of coefficients there may be no more than the second for each row of runs:
 # the time of a fit grows with the square of their number, 8 CPU seconds for 496
-_MANY_COEFFICIENTS, _MOST_A_ROW, _MOST_COEFFICIENTS = 1000, 10, 2000
+_MANY_COEFFICIENTS, _MAX_A_ROW, _MAX_COEFFICIENTS = 1000, 10, 2000
 
 
 @dataclass(frozen=True)
@@ -499,13 +499,13 @@ def _ranges_of_inputs(
 def _check_size(basis: Basis, n_rows: int) -> None:
     """Raise ValueError for far too many coefficients, before a fit that hangs."""
     n = len(basis.coefficient_mean)
-    if n > max(_MANY_COEFFICIENTS, _MOST_A_ROW * n_rows):
+    if n > max(_MANY_COEFFICIENTS, _MAX_A_ROW * n_rows):
         raise ValueError(
-            f"The surrogate has {n} coefficients, more than {_MOST_A_ROW} for each of the {n_rows} "
+            f"The surrogate has {n} coefficients, more than {_MAX_A_ROW} for each of the {n_rows} "
             "rows of the runs: choose a lower degree, sparse=True, or Kriging()."
         )
-    if n > _MOST_COEFFICIENTS:
+    if n > _MAX_COEFFICIENTS:
         raise ValueError(
-            f"The surrogate has {n} coefficients, of which {_MOST_COEFFICIENTS} are the most that "
+            f"The surrogate has {n} coefficients, of which {_MAX_COEFFICIENTS} are the most that "
             "can be inferred together: choose a lower degree, sparse=True, or Kriging()."
         )

@@ -99,7 +99,7 @@ class CoupledStore(_OfState):
 
 
 # the parameter changes by a factor of at most exp(5): beyond it no solver gets through
-_MOST = 5.0
+_MAX_LOG_CHANGE = 5.0
 
 
 @dataclass(frozen=True)
@@ -141,7 +141,7 @@ class WanderingParameter(_OfParameter):
         """Return the factor on the parameter, (k, m)."""
         scaled = (2 * t[:, 0] - self.low - self.high) / (self.high - self.low)
         change = hilbert.cosines(scaled, self.n) @ coefficients(numbers, self.n).T
-        return {self.parameter: np.exp(np.clip(change, -_MOST, _MOST))}
+        return {self.parameter: np.exp(np.clip(change, -_MAX_LOG_CHANGE, _MAX_LOG_CHANGE))}
 
 
 def wave_names(n: int) -> tuple[str, ...]:

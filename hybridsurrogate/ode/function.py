@@ -45,10 +45,10 @@ def checked_array(values: Any, title: str, shape: tuple[int, ...], meaning: str)
 
 StateColumns = Mapping[str, FloatArray]
 # calls of a right-hand side that a step takes by methods of scipy
-_CALLS_A_STEP = 100
+_CALLS_PER_STEP = 100
 _NO_DRIVE = Drive({}, {})
 # times at which a right-hand side is asked whether it takes several
-_TIMES_TRIED = 9
+_N_TIMES_TRIED = 9
 
 
 @dataclass(frozen=True, eq=False)
@@ -374,7 +374,7 @@ class _Solutions:
             start, asked = self.initial(), count(1)
 
             def slope(t: float, state: FloatArray) -> FloatArray:
-                if next(asked) > _CALLS_A_STEP * ode.max_steps:
+                if next(asked) > _CALLS_PER_STEP * ode.max_steps:
                     raise RuntimeError(self._too_many)
                 return self.slope(t, state[:, None])[:, 0]
 
@@ -398,8 +398,8 @@ class _Solutions:
 
     def _takes_times(self) -> bool:
         """Whether the right-hand side gives for times (k,) what it gives for each of them."""
-        several = np.linspace(self.ode.start, self.ode.start + self.ode.span, _TIMES_TRIED)
-        which = np.arange(_TIMES_TRIED) % len(self)
+        several = np.linspace(self.ode.start, self.ode.start + self.ode.span, _N_TIMES_TRIED)
+        which = np.arange(_N_TIMES_TRIED) % len(self)
         state, some = self.initial()[:, which], self.some(which)
         try:
             at_once = some.slope(several, state, _NO_DRIVE)

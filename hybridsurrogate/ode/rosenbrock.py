@@ -33,11 +33,10 @@ _C = (
         -6.058818238834054,
     ),
 )
-# where its stages are in a step, and what they take of the slope over time
-_AT = (0.0, 0.386, 0.21, 0.63, 1.0, 1.0)
-_BY_TIME = (0.25, -0.1043, 0.1035, -0.0362, 0.0, 0.0)
+# where its stages are in a step, and what each takes of the slope over time
+_TIMES = ((0.0, 0.25), (0.386, -0.1043), (0.21, 0.1035), (0.63, -0.0362), (1.0, 0.0), (1.0, 0.0))
 # and what is between two steps
-_BETWEEN = (
+_DENSE_OUTPUT = (
     (
         10.12623508344586,
         -7.487995877610167,
@@ -55,11 +54,11 @@ _BETWEEN = (
 )
 # steps are the range of time halved so often; solutions begin with a short one
 # and take none so long that what is between its ends is no better known than to third order
-_DEEPEST, _FIRST, _LONGEST = 44, 12, 6
+_MAX_LEVEL, _FIRST_LEVEL, _MIN_LEVEL = 44, 12, 6
 # errors of a step in shares of a state; of a small one in shares of its size
-_RELATIVE, _ABSOLUTE = 1e-4, 3e-4
+_RTOL, _ATOL = 1e-4, 3e-4
 # how often the step changes by two at a time
-_MOST_HALVINGS, _MOST_DOUBLINGS = 12, 3
+_MAX_HALVINGS, _MAX_DOUBLINGS = 12, 3
 
 # slopes (n_states, k) at times (k,), of states (n_states, k) of the solutions (k,) that are named
 Slope = Callable[[FloatArray, FloatArray, NDArray[np.intp]], FloatArray]
@@ -107,7 +106,7 @@ def rosenbrock(
     latest = np.full(m, start)
     np.maximum.at(latest, member, np.where(np.isfinite(times), times, start))
     first, state, tried = state, state.copy(), np.zeros(m, dtype=np.intp)
-    position, level = np.zeros(m, dtype=np.int64), np.full(m, _FIRST)
+    position, level = np.zeros(m, dtype=np.int64), np.full(m, _FIRST_LEVEL)
     again = np.zeros(m, dtype=bool)
     running = (latest > start) & np.isfinite(state).all(axis=0)
     while running.any():
@@ -116,13 +115,13 @@ def rosenbrock(
             which = which[position[which] == position[which].min()]
             which = which[level[which] == level[which].max()]
         own, before = level[which], position[which]
-        t, h = start + span * (before / 2.0**_DEEPEST), span / 2.0**own
+        t, h = start + span * (before / 2.0**_MAX_LEVEL), span / 2.0**own
         old = state[:, which]
         new, error, bends = _step(slope, t, h, old, which, sizes)
         # of a level far from zero a share is more than all that happens there
         moved = np.maximum(np.abs(new - first[:, which]), sizes[:, None])
         scale = np.minimum(np.maximum(np.abs(old), np.abs(new)), moved)
-        share = np.max(np.abs(error) / (_RELATIVE * (scale + _ABSOLUTE * sizes[:, None])), axis=0)
+        share = np.max(np.abs(error) / (_RTOL * (scale + _ATOL * sizes[:, None])), axis=0)
         share = np.where(np.isfinite(share), share, np.inf)
         good = share <= 1
         done = which[good]
@@ -135,18 +134,18 @@ def rosenbrock(
             s = (times[rows] - t[at]) / h[at]
             out[:, rows] = _between(old[:, at], new[:, at], [bend[:, at] for bend in bends], s)
         state[:, done] = new[:, good]
-        position[done] = reached = before[good] + (1 << (_DEEPEST - own[good]))
+        position[done] = reached = before[good] + (1 << (_MAX_LEVEL - own[good]))
         # steps begin at multiples of themselves: the lowest bit that is set is the longest
         lowest = np.log2(reached & -reached).astype(np.int64)
-        longest = np.maximum(_LONGEST, _DEEPEST - lowest)
+        longest = np.maximum(_MIN_LEVEL, _MAX_LEVEL - lowest)
         level[done] = np.maximum(own[good] - _doublings(share[good]), longest)
         # an error that is left after the first time is not of fourth order: a jump
         worse = share[~good]
         level[which[~good]] += _halvings(worse, np.where(again[which[~good]], 1, 4))
         again[which] = ~good
         tried[which] += 1
-        failed |= running & ((tried > max_steps) | (level > _DEEPEST - 2))
-        running &= ~failed & (start + span * (position / 2.0**_DEEPEST) < latest)
+        failed |= running & ((tried > max_steps) | (level > _MAX_LEVEL - 2))
+        running &= ~failed & (start + span * (position / 2.0**_MAX_LEVEL) < latest)
     out[:, failed[member]] = np.nan
     return out, failed
 
@@ -157,13 +156,13 @@ def _doublings(share: FloatArray) -> NDArray[np.intp]:
     Half of the limit is left as it is.
     """
     often = np.floor((-np.log2(np.maximum(share, 2.0**-60)) - 1) / 4)
-    return np.clip(often, 0, _MOST_DOUBLINGS).astype(np.intp)
+    return np.clip(often, 0, _MAX_DOUBLINGS).astype(np.intp)
 
 
 def _halvings(share: FloatArray, order: NDArray[np.intp]) -> NDArray[np.intp]:
     """Return how often a step must be halved whose error is more than the limit."""
     often = np.ceil(np.log2(np.minimum(share, 2.0**60)) / order)
-    return np.clip(often, 1, _MOST_HALVINGS // order).astype(np.intp)
+    return np.clip(often, 1, _MAX_HALVINGS // order).astype(np.intp)
 
 
 def _step(
@@ -192,7 +191,7 @@ def _step(
     except np.linalg.LinAlgError:
         return state, np.full_like(state, np.inf), []
     stages: list[FloatArray] = []
-    for a, c, at, part in zip(_A, _C, _AT, _BY_TIME, strict=True):
+    for a, c, (at, part) in zip(_A, _C, _TIMES, strict=True):
         at_stage = state + _sum(a, stages) if a else state
         right = slope(t + at * h, at_stage, which) if a else first
         if c:
@@ -200,7 +199,7 @@ def _step(
         if part:
             right = right + h * part * by_time
         stages.append(np.matmul(inverse, right.T[:, :, None])[:, :, 0].T)
-    return at_stage + stages[-1], stages[-1], [_sum(b, stages) for b in _BETWEEN]
+    return at_stage + stages[-1], stages[-1], [_sum(b, stages) for b in _DENSE_OUTPUT]
 
 
 def _sum(factors: tuple[float, ...], stages: list[FloatArray]) -> FloatArray:

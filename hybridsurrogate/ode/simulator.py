@@ -33,7 +33,7 @@ from hybridsurrogate.types import FloatArray, Prior
 
 # solutions that are tried for the length of a step, and times: with half of both one of ten
 # equations is off by 0.003 of its size instead of 1e-6
-_TRIED, _TIMES = 8, 64
+_TRIED, _N_TIMES = 8, 64
 _CALLED = {"rhs": "(t, state, rate)", "observe": "(state)"}
 _METHODS = ("auto", "rk4", "rosenbrock", "RK45", "RK23", "DOP853", "Radau", "BDF", "LSODA")
 
@@ -345,9 +345,9 @@ class OdeSimulator(Simulator):
         columns = {}
         for name, middle in self._medians(1).items():
             tried = random.uniform(*ends[name], _TRIED) if name in ends else np.tile(middle, _TRIED)
-            columns[name] = np.repeat(np.append(middle, tried), _TIMES)
+            columns[name] = np.repeat(np.append(middle, tried), _N_TIMES)
         start, stop = self.input_ranges[time]
-        times = np.append(start, np.sort(random.uniform(start, stop, _TIMES - 1)))
+        times = np.append(start, np.sort(random.uniform(start, stop, _N_TIMES - 1)))
         columns[time] = np.tile(times, 1 + _TRIED)
         return columns
 

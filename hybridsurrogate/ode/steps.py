@@ -17,14 +17,14 @@ from hybridsurrogate.types import FloatArray
 
 # steps over the range of time: from 400 instead of 100 on diagnoses take 2.3 times as long, and
 # evidences are the same to 0.01 nats (eight blind cases of three equations)
-FEWEST, _MOST = 100, 6400
+MIN_STEPS, _MOST = 100, 6400
 # steps from which those of a method for stiff equations, about as many times dearer, are tried
-_QUICK = 1600
+_STIFF_FROM = 1600
 # in which the sizes of states settle
-_ROUNDS = 4
+_N_SIZE_ROUNDS = 4
 # errors of a state in shares of its extent. Where a right-hand side jumps, errors are of
 # first order in the step, and small ones are not to be had
-_SMALL, _SMALL_WITH_JUMPS, _DOUBTFUL = 1e-4, 3e-3, 1e-2
+_SMOOTH_ERROR, _JUMP_ERROR, _DOUBTFUL_ERROR = 1e-4, 3e-3, 1e-2
 # of the method: half a step leaves a sixteenth of the error (Hairer, Norsett and Wanner 1993,
 # section II.4), or so. Of a lower order, as across a jump: half of it or more
 _ORDER = 4
@@ -43,10 +43,10 @@ def chosen(function: OdeFunction, columns: StateColumns, span: float) -> OdeFunc
     SolverWarning
         As in `with_step`, and where a part of the solutions fails.
     """
-    found = _ladder(function, columns, span, _QUICK)
+    found = _ladder(function, columns, span, _STIFF_FROM)
     if found.good and found.known.all():
         return replace(function, step=span / found.n_steps)
-    stiff = replace(function, method="rosenbrock", max_steps=min(_QUICK, function.max_steps))
+    stiff = replace(function, method="rosenbrock", max_steps=min(_STIFF_FROM, function.max_steps))
     stiff = sized(stiff, columns)
     known = _known(_solved(stiff, columns)) if stiff.sizes else np.zeros(1, dtype=bool)
     if not known[0]:
@@ -74,7 +74,7 @@ def sized(function: OdeFunction, columns: StateColumns) -> OdeFunction:
     first = {name: values[:n_times] for name, values in columns.items()}
     start = np.abs(function.solution({name: values[:1] for name, values in first.items()})[:, 0])
     size = np.full(len(start), np.max(start, initial=0.0) or 1.0)
-    for _ in range(_ROUNDS):
+    for _ in range(_N_SIZE_ROUNDS):
         fine = _solved(replace(function, sizes=tuple(map(float, size))), first)[:, 0]
         if not np.isfinite(fine).all():
             return replace(function, sizes=())
@@ -128,7 +128,7 @@ def _ladder(function: OdeFunction, columns: StateColumns, span: float, most: int
     def solved(n_steps: int) -> FloatArray:
         return _solved(replace(function, step=span / n_steps), columns)
 
-    n_steps, before = FEWEST, np.inf
+    n_steps, before = MIN_STEPS, np.inf
     coarse, fine = solved(n_steps // 2), solved(n_steps)
     # a solution that fails may need shorter steps, or break down whatever the step
     known = _known(fine)
@@ -138,7 +138,7 @@ def _ladder(function: OdeFunction, columns: StateColumns, span: float, most: int
         change = _change(coarse, fine, known)
         smooth = change * 2 ** (_ORDER - 1) < before
         error = change / (2**_ORDER - 1) if smooth else change
-        good = error < (_SMALL if smooth else _SMALL_WITH_JUMPS)
+        good = error < (_SMOOTH_ERROR if smooth else _JUMP_ERROR)
         if good or n_steps >= most:
             return _Found(n_steps, error, good, known)
         n_steps, before, coarse = 2 * n_steps, change, fine
@@ -188,7 +188,7 @@ def _change(coarse: FloatArray, fine: FloatArray, known: NDArray[np.bool_]) -> f
 
 
 def _warn(error: float, step: float, which: str) -> None:
-    if not error > _DOUBTFUL:
+    if not error > _DOUBTFUL_ERROR:
         return
     how_much = f"{100 * error:.0f} % of its size" if error < 1 else "more than its size"
     warnings.warn(

@@ -25,7 +25,7 @@ from hybridsurrogate.plotting.style import (
     share_range,
     tidy,
 )
-from hybridsurrogate.simulation.variables import MOST_LEVELS
+from hybridsurrogate.simulation.variables import MAX_LEVELS
 from hybridsurrogate.types import FloatArray
 
 if TYPE_CHECKING:
@@ -566,7 +566,7 @@ def plot_alternatives(
     ['trend', 'ramp', 'measure here']
     """
     # a column with a few values is no line
-    mark = "o" if len(x) <= MOST_LEVELS else ""
+    mark = "o" if len(x) <= MAX_LEVELS else ""
     for mean, name, (colour, style) in zip(means, names, ALTERNATIVES, strict=False):
         ax.plot(x, mean, color=colour, ls=style, lw=1.6, marker=mark, label=name)
     ax.axvline(place, color=DATA, lw=1, ls=(0, (1, 1)), label="measure here")
@@ -599,7 +599,7 @@ def plot_information(ax: Axes, x: FloatArray, information: FloatArray, place: fl
     >>> ax.get_ylabel().split()
     ['information', 'in', 'bits']
     """
-    ax.plot(x, information, color=DATA, marker="o" if len(x) <= MOST_LEVELS else "")
+    ax.plot(x, information, color=DATA, marker="o" if len(x) <= MAX_LEVELS else "")
     ax.axvline(place, color=DATA, lw=1, ls=(0, (1, 1)))
     ax.set_ylabel("information\nin bits")
     # next to nothing shall look like it

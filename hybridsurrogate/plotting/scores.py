@@ -28,7 +28,7 @@ from hybridsurrogate.scoring.scores import last_of_the_best
 from hybridsurrogate.types import FloatArray
 
 # the highest density reaches over this many lines of its neighbours
-_OVERLAP = 1.3
+_OVERLAP_LINES = 1.3
 
 
 def plot_densities_over_beta(
@@ -80,7 +80,7 @@ def plot_densities_over_beta(
     room = 0.05 * (high - low)
     grid = np.linspace(max(low - room, support[0]), min(high + room, support[1]), 400)
     densities = [_density(values, grid, support) for values in given]
-    scale = _OVERLAP / max(float(density.max()) for density in densities)
+    scale = _OVERLAP_LINES / max(float(density.max()) for density in densities)
     believed = None if prior is None else scale * prior.pdf(grid)
     for place, (values, density) in reversed(list(enumerate(zip(given, densities, strict=True)))):
         # a lower density hides what is behind it
@@ -98,7 +98,7 @@ def plot_densities_over_beta(
     if truth is not None:
         ax.axvline(truth, color=DATA, ls=":", lw=1.3, label=f"truth, {truth:g}", zorder=9)
     ax.set_yticks(range(len(given)), labels=[f"{beta:g}" for beta in betas])
-    ax.set_ylim(-0.4, len(given) - 0.9 + _OVERLAP)
+    ax.set_ylim(-0.4, len(given) - 0.9 + _OVERLAP_LINES)
     ax.set_xlim(grid[0], grid[-1])
     ax.set_xlabel(label)
     ax.set_ylabel("beta")
@@ -158,8 +158,6 @@ SCORES = {
 }
 # lines of other models
 _LINES = ("-.", ":", (0, (5, 1)), (0, (1, 3)))
-# what is worse than this leaves the view: nats below the best ELPD, times the best RMSE
-_FAR_ELPD, _FAR_RATIO = 8.0, 30.0
 
 
 def plot_scores_over_beta(
@@ -226,11 +224,12 @@ def _plot_schemes(ax: Axes, table: pd.DataFrame, score: str, more: bool) -> None
         ax.plot(beta[best], line[best], "o", ms=size, mfc="none", color=style.colour)
     ax.set_xlim(-0.04, 1.04)
     best, worst = (table[score].max(), table[score].min())[:: 1 if more else -1]
+    # what is 8 nats a row or 30 times worse than the best leaves the view
     if more:
-        ax.set_ylim(bottom=max(float(ax.get_ylim()[0]), best - _FAR_ELPD))
+        ax.set_ylim(bottom=max(float(ax.get_ylim()[0]), best - 8))
     elif best > 0 and worst > 5 * best:
         ax.set_yscale("log")
-        ax.set_ylim(0.8 * best, 1.25 * min(worst, _FAR_RATIO * best))
+        ax.set_ylim(0.8 * best, 1.25 * min(worst, 30 * best))
         ax.yaxis.set_major_locator(ticker.LogLocator(subs=(1, 2, 5)))
         ax.yaxis.set_major_formatter("{x:g}")
         ax.yaxis.set_minor_formatter(ticker.NullFormatter())

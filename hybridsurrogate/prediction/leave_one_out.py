@@ -117,7 +117,7 @@ def _of_some(
 
 Powers = tuple[float, float | FloatArray]  # of the likelihoods of both sources
 # draws of step 2 for each of a few draws of the coefficients
-_REPEATS = 8
+_N_REPEATS = 8
 
 
 class _Starts(NamedTuple):
@@ -285,7 +285,7 @@ class _LeavingOut:
             of_first = fit.first.take(starts.draw), fit.unknowns[starts.draw]
             again = _at(*of_first, starts.u, starts.columns)
             second, removed = _given_others(problem, again, index, less)
-            shape = len(some), _REPEATS, len(y)
+            shape = len(some), _N_REPEATS, len(y)
             found = pointwise_loo(
                 first, power * less, second.reshape(shape), less, removed.reshape(shape), some
             )
@@ -307,17 +307,17 @@ class _LeavingOut:
         return found
 
     def _repeats(self, some: NDArray[np.intp]) -> _Starts:
-        """Return `_REPEATS` draws of step 2 for some draws of the coefficients, in turn.
+        """Return `_N_REPEATS` draws of step 2 for some draws of the coefficients, in turn.
 
         Draws that belong to other coefficients serve where their posteriors overlap, and are moved
         where they do not.
         """
         fit, problem, random = self.fit, self.problem, self.random_state
-        starts = _Starts.of_fit(fit, np.repeat(some, _REPEATS))
+        starts = _Starts.of_fit(fit, np.repeat(some, _N_REPEATS))
         c = fit.first.coefficients
         if problem.collapses:
             own = _Starts.of_fit(fit, some)
-            chosen = exchanged(given_draws(problem, c[some]), own.u, _REPEATS, random)
+            chosen = exchanged(given_draws(problem, c[some]), own.u, _N_REPEATS, random)
             if chosen is not None:
                 return starts._replace(u=own.u[chosen.ravel()])
         u = with_again(fit.unknowns[starts.draw], starts.u)
@@ -354,7 +354,7 @@ class _LeavingOut:
         near = near_draws(starts.u, share), near_draws(starts.u, equal)
         if khat <= khat_limit(len(log_weight)):
             return _Step(fit.first.take(begun.draw), fit.unknowns[begun.draw], begun, near)
-        step = carried_step(without, powers, fit.proposals, n, _REPEATS * FEW_DRAWS, random)
+        step = carried_step(without, powers, fit.proposals, n, _N_REPEATS * FEW_DRAWS, random)
         if step is None:
             target = make_target(without, *powers_used(without, powers))
             step = first_step(target, self.sampler, n, random)
@@ -384,7 +384,7 @@ class _LeavingOut:
     def _fit_without(self, without: Problem, powers: Powers) -> Posterior:
         """Return draws given all rows but one, from those given all of them where these serve."""
         n, random = min(self.fit.first.n_draws, 2 * FEW_DRAWS), self.random_state
-        known = carried(without, powers, self.fit.proposals, n, _REPEATS * FEW_DRAWS, random)
+        known = carried(without, powers, self.fit.proposals, n, _N_REPEATS * FEW_DRAWS, random)
         if known is None:
             known = fit_problem(without, powers, self.sampler, n, random)
         return known.second

@@ -14,7 +14,7 @@ from hybridsurrogate.simulation.arrays import as_numbers, as_outputs
 from hybridsurrogate.types import FloatArray
 
 # differences in nats per row that say nothing
-_LEVEL = 0.01
+_SAME_ELPD = 0.01
 
 
 def elpd(log_predictive_density: ArrayLike) -> tuple[float, float]:
@@ -301,7 +301,7 @@ def last_of_the_best(scores: ArrayLike) -> int:
     2
     """
     values = as_numbers(scores, "scores")
-    return int(np.flatnonzero(values >= values.max() - _LEVEL)[-1])
+    return int(np.flatnonzero(values >= values.max() - _SAME_ELPD)[-1])
 
 
 def same_rows(arrays: dict[str, ArrayLike], infinite: bool = False) -> list[FloatArray]:

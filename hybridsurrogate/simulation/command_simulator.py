@@ -20,7 +20,7 @@ from hybridsurrogate.arguments import check_choice, check_mapping, check_number,
 from hybridsurrogate.exceptions import did_you_mean
 from hybridsurrogate.simulation.outputs import by_output, output_names
 from hybridsurrogate.simulation.simulator import Simulator
-from hybridsurrogate.simulation.table_file import LONGEST, read_table
+from hybridsurrogate.simulation.table_file import MAX_MESSAGE, read_table
 from hybridsurrogate.simulation.variables import Assumed, Range, check_ranges, named_fields
 from hybridsurrogate.types import FloatArray, Prior
 
@@ -182,7 +182,7 @@ class Command:
                 f"the program took longer than {self.timeout:g} s and was stopped"
             ) from None
         if done.returncode:
-            tail = " ".join((done.stderr or done.stdout).split())[-LONGEST:]
+            tail = " ".join((done.stderr or done.stdout).split())[-MAX_MESSAGE:]
             raise RuntimeError(f"the program ended with code {done.returncode}: {tail}")
         return done.stdout
 

@@ -14,8 +14,6 @@ from hybridsurrogate.arguments import check_choice, check_number, random_generat
 from hybridsurrogate.types import FloatArray
 
 _DESIGNS = ("sobol", "latin-hypercube")
-# points of a Sobol sequence of 30 bits
-_MOST_RUNS = 2**30
 
 # scipy 1.15 renamed the engines' argument from seed to rng
 _RNG_NAME = "rng" if "rng" in inspect.signature(qmc.Sobol).parameters else "seed"
@@ -48,7 +46,8 @@ def draw_design(
     >>> draw_design([(0, 1), (10, 20)], 5, random_state=0).shape
     (5, 2)
     """
-    check_number(n_runs, "n_runs", Integral, min_val=1, max_val=_MOST_RUNS)
+    # points of a Sobol sequence have 30 bits
+    check_number(n_runs, "n_runs", Integral, min_val=1, max_val=2**30)
     check_choice(design, "design", _DESIGNS)
     engine_options: dict[str, Any] = {_RNG_NAME: random_generator(random_state)}
     if design == "sobol":

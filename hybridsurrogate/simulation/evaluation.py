@@ -28,13 +28,13 @@ from hybridsurrogate.simulation.run_store import RunStore
 from hybridsurrogate.types import FloatArray
 
 # of the runs that one simulation keeps: a bound on memory
-_BYTES = 64 * 2**20
+_MAX_BYTES = 64 * 2**20
 # A diagnosis of an ODE has a simulation, and so a table, for each of some forty causes, in each
 # fold. Those that were used last may have as much together
-_BYTES_OF_ALL = 8 * _BYTES
+_MAX_BYTES_OF_ALL = 8 * _MAX_BYTES
 # To find a row takes about 0.4 us: a function of arrays that takes less is called again. Of fewer
 # rows the time is that of the call
-_QUICK, _FEW, _MEASURED = 1e-6, 1000, 3
+_QUICK_SECONDS, _MIN_TIMED_ROWS, _N_TIMED_CALLS = 1e-6, 1000, 3
 
 _Table = tuple[NDArray[np.uint64], FloatArray, NDArray[np.bool_]]
 
@@ -66,7 +66,7 @@ class OutputCache:
     [2, 1]
     """
 
-    def __init__(self, n_bytes: int = _BYTES) -> None:
+    def __init__(self, n_bytes: int = _MAX_BYTES) -> None:
         self.n_bytes = n_bytes
         self._table: _Table | None = None
         self._seconds, self._calls = np.inf, 0
@@ -115,9 +115,9 @@ class OutputCache:
 
         The quickest of its first calls decides: on a busy machine others have to wait.
         """
-        if self._calls >= _MEASURED and self._seconds > _QUICK:
+        if self._calls >= _N_TIMED_CALLS and self._seconds > _QUICK_SECONDS:
             return self.outputs(function, points)
-        if self._calls >= _MEASURED or len(points) < _FEW:
+        if self._calls >= _N_TIMED_CALLS or len(points) < _MIN_TIMED_ROWS:
             return function(points)
         start = perf_counter()
         y = function(points)
@@ -132,7 +132,7 @@ class OutputCache:
             _USED[self] = self.n_bytes
             total = sum(_USED.values())
             for cache, n_bytes in list(_USED.items())[:-1]:
-                if total <= _BYTES_OF_ALL:
+                if total <= _MAX_BYTES_OF_ALL:
                     break
                 cache._table = None
                 del _USED[cache]
@@ -182,7 +182,7 @@ def _mixed(bits: NDArray[np.uint64]) -> NDArray[np.uint64]:
 
 # Of so many rows for each process the first are called here, for so many seconds: processes take
 # about a second to start, and share the others where these take longer
-_MANY, _ALONE, _SHARED = 32, 0.1, 2.0
+_ROWS_PER_PROCESS, _SECONDS_ALONE, _SECONDS_SHARED = 32, 0.1, 2.0
 
 
 @dataclass(frozen=True)
@@ -225,13 +225,13 @@ def _by_row(
     n_jobs = effective_n_jobs(running.n_jobs)
     if n_jobs == 1:
         return row_by_row(function, points)[:2]
-    if len(points) < _MANY * n_jobs:
+    if len(points) < _ROWS_PER_PROCESS * n_jobs:
         return _by_run(function, points, running)
-    y, error, n = row_by_row(function, points, _ALONE)
+    y, error, n = row_by_row(function, points, _SECONDS_ALONE)
     if n == len(points):
         return y, error
     left = points[n:]
-    if len(left) * _ALONE / n < _SHARED:
+    if len(left) * _SECONDS_ALONE / n < _SECONDS_SHARED:
         others, another, _ = row_by_row(function, left)
     else:
         others, another = _by_run(function, left, running)

@@ -27,10 +27,8 @@ RUN = "run"
 _NETCDF = (".nc", ".nc4", ".cdf")
 # schemes that Python fetches itself
 _FETCHED = ("http", "https", "ftp")
-# seconds without an answer
-_PATIENCE = 60.0
 # characters of what a library or a program says when it fails
-LONGEST = 300
+MAX_MESSAGE = 300
 _SPREADSHEETS = (".xlsx", ".xls", ".xlsm", ".ods")
 _OTHER_SEPARATORS = {";": "semicolons", "\t": "tabs"}
 
@@ -80,7 +78,7 @@ def _read_as(format_name: str, file: Path, read: Callable[[Path], pd.DataFrame])
     except ImportError:
         raise
     except Exception as error:  # each library, and each version of it, has different classes
-        reason = " ".join(str(error).split())[:LONGEST]
+        reason = " ".join(str(error).split())[:MAX_MESSAGE]
         raise ValueError(
             f"{file} cannot be read as a {format_name} file: it is damaged, or none "
             f"({type(error).__name__}: {reason})."
@@ -112,7 +110,7 @@ def _fetched(address: str, folder: Path) -> Path:
 
 def _opened(address: str, scheme: str) -> Any:
     if scheme in _FETCHED:
-        return urlopen(address, timeout=_PATIENCE)
+        return urlopen(address, timeout=60.0)
     try:
         fsspec = import_module("fsspec")
     except ImportError:

@@ -19,10 +19,10 @@ from hybridsurrogate.simulation.arrays import as_numbers, as_table, check_spread
 from hybridsurrogate.types import FloatArray, Prior
 
 # a column with more values, or of more names, is no column of levels
-MOST_LEVELS = 6
+MAX_LEVELS = 6
 # shares of a prior's mass in the simulated range: an error below the first, else a warning below
 # the second
-_NO_SUPPORT, _LITTLE_SUPPORT = 0.01, 0.9
+_MIN_SUPPORT, _FULL_SUPPORT = 0.01, 0.9
 
 
 def varied_ranges(X: FloatArray, omega: FloatArray, fields: dict[str, Any]) -> dict[str, Range]:
@@ -85,9 +85,9 @@ def check_support(name: str, prior: Prior, varied: Range, n_runs: int) -> None:
         f"{share:.1%} of the prior of {name!r} lies in its simulated range, "
         f"{varied[0]:g} to {varied[1]:g}"
     )
-    if not share >= _NO_SUPPORT:
+    if not share >= _MIN_SUPPORT:
         raise ValueError(f"Only {text}: move the prior, or simulate where it has support.")
-    if share < _LITTLE_SUPPORT:
+    if share < _FULL_SUPPORT:
         warnings.warn(f"Only {text}.", PriorWarning, stacklevel=3)
 
 

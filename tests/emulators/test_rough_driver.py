@@ -139,10 +139,10 @@ def test_several_outputs_and_a_further_input():
 
 
 def test_what_helps_is_what_is_named():
-    of_runs = EmulatorCheck(2.0, 0.0, {}, between=0.1, along="day")
+    of_runs = EmulatorCheck(2.0, 0.0, {}, 0.1, 0.0, "day")
     assert of_runs.remedy.startswith("Give more runs, or the simulation itself")
-    assert EmulatorCheck(2.0, 0.0, {}).remedy == of_runs.remedy
-    of_places = EmulatorCheck(2.0, 0.0, {}, between=1.9, along="day")
+    assert EmulatorCheck(2.0, 0.0, {}, 0.0, 0.0).remedy == of_runs.remedy
+    of_places = EmulatorCheck(2.0, 0.0, {}, 1.9, 0.0, "day")
     assert of_places.between_runs == pytest.approx(np.sqrt(4 - 1.9**2))
     assert of_places.remedy.startswith("Most of it lies between the places of the runs along day")
     assert "Give runs with finer places along day" in of_places.remedy

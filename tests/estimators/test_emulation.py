@@ -375,3 +375,15 @@ def test_the_first_call_is_not_timed():
 
     simulator = hs.Simulator(slow_at_first, {"x": (0, 1)}, {"a": hs.truncated_normal(1, 1, 0, 2)})
     assert emulation.seconds_a_set(simulator, np.linspace(0, 1, 20)[:, None]) < 0.001
+
+
+def test_a_slow_simulation_without_parameters_is_run_as_it_is():
+    def slow(t):
+        time.sleep(2e-3)
+        return 2 * t
+
+    simulator = hs.Simulator(slow, {"t": (0, 10)}, {}, vectorized=False)
+    y = 2 * TIMES[::6] + 0.1 * np.random.default_rng(0).standard_normal(10)
+    found = hs.PowerScaledSurrogate(simulator, random_state=0).fit(TIMES[::6, None], y)
+    assert found.emulation_ is None
+    np.testing.assert_allclose(found.predict([[3.0]]), 6.0)

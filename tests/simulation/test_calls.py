@@ -163,7 +163,7 @@ class TestOutputCache:
 
     def test_memory_of_all_caches_is_bounded(self, monkeypatch):
         """A diagnosis of an ODE had a table for each cause in each fold, 8 GB together."""
-        monkeypatch.setattr(evaluation, "_BYTES_OF_ALL", 3 * 4096)
+        monkeypatch.setattr(evaluation, "_MAX_BYTES_OF_ALL", 3 * 4096)
         caches, points = [OutputCache(n_bytes=4096) for _ in range(9)], np.eye(3)
         for cache in [*caches, caches[0], caches[8]]:
             found = cache.outputs(lambda rows: rows.sum(axis=1), points)

@@ -59,10 +59,10 @@ def test_alarms_are_those_where_nothing_is_hidden():
 def test_a_number_is_set_for_a_while_and_counts_stay_counts():
     assert ablation.value_of("n_sizes", 0.5) == 5
     assert ablation.value_of("n_sizes", 0.0) == 1
-    usual = SETTINGS.behind
-    with ablation.setting("behind", ablation.value_of("behind", 2.0)):
-        assert SETTINGS.behind == 2 * usual
-    assert SETTINGS.behind == usual
+    usual = SETTINGS.max_behind
+    with ablation.setting("max_behind", ablation.value_of("max_behind", 2.0)):
+        assert SETTINGS.max_behind == 2 * usual
+    assert SETTINGS.max_behind == usual
 
 
 def test_rows_are_kept_and_a_stopped_run_goes_on(tmp_path, monkeypatch):
@@ -74,6 +74,11 @@ def test_rows_are_kept_and_a_stopped_run_goes_on(tmp_path, monkeypatch):
         return run_into(path, todo, jobs)
 
     monkeypatch.setattr(ablation, "run_into", of_some)
-    ablation.measured(tmp_path, ["rounds"], [Task("none", 0.0, 12, 3)])
-    assert made == ["usual.csv", "rounds=off.csv", "rounds=halved.csv", "rounds=doubled.csv"]
+    ablation.measured(tmp_path, ["alternation_rounds"], [Task("none", 0.0, 12, 3)])
+    assert made == [
+        "usual.csv",
+        "alternation_rounds=off.csv",
+        "alternation_rounds=halved.csv",
+        "alternation_rounds=doubled.csv",
+    ]
     assert len(pd.read_csv(tmp_path / "usual.csv")) == 1

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import special
 
-from hybridsurrogate.diagnosis.search.candidate import LEAST_PROBABLE, Candidate
+from hybridsurrogate.diagnosis.search.candidate import MIN_PROBABILITY, Candidate
 from hybridsurrogate.diagnosis.search.forward_selection import SearchStep
 from hybridsurrogate.diagnosis.search.search import Search, predict_jointly
 from hybridsurrogate.effects import InOutput, Remainder
@@ -54,11 +54,11 @@ def with_remainder(
 
 
 # alternatives, and nodes of each (a period, a location), that an answer looks at
-_MOST_ALTERNATIVES, _MOST_NODES = 6, 4
+_MAX_ALTERNATIVES, _MAX_NODES = 6, 4
 # what is less probable is not averaged over: on cases outside the catalogue that costs 0.01 nats a
 # row beyond the data (standard error 0.01), and takes less than half of the fits. Nor is a node of
 # a smaller share of the best one's evidence
-_LEAST = 0.05
+_MIN_SHARE = 0.05
 # Gauss and Legendre's three nodes of a remainder's amplitude, which is log-uniform
 _HEIGHTS, _SHARES = np.polynomial.legendre.leggauss(3)
 _AMPLITUDES = LEAST * (MOST / LEAST) ** ((_HEIGHTS + 1) / 2)
@@ -110,8 +110,8 @@ class Predictions(NamedTuple):
 
 def components_of(result: Search) -> list[Component]:
     """Return the alternatives that matter at the nodes that matter, most probable first."""
-    order = np.argsort(-result.probability, kind="stable")[:_MOST_ALTERNATIVES]
-    matters = (np.arange(len(order)) < 2) | (result.probability[order] > LEAST_PROBABLE)
+    order = np.argsort(-result.probability, kind="stable")[:_MAX_ALTERNATIVES]
+    matters = (np.arange(len(order)) < 2) | (result.probability[order] > MIN_PROBABILITY)
     # against overwhelming evidence an alternative's probability is too small for a number
     matters &= result.probability[order] > 0
     order = order[matters]
@@ -145,8 +145,8 @@ def _nodes(result: Search, w: Candidate) -> list[tuple[int | None, float]]:
         return [(None, 1.0)]
     log_evidence = result.context.evidence_of_nodes(w.fit, result.sizes)
     share = special.softmax(log_evidence)
-    order = np.argsort(-share)[:_MOST_NODES]
-    order = order[share[order] >= _LEAST * share[order[0]]]
+    order = np.argsort(-share)[:_MAX_NODES]
+    order = order[share[order] >= _MIN_SHARE * share[order[0]]]
     return [(int(node), float(share[node] / share[order].sum())) for node in order]
 
 
@@ -293,5 +293,5 @@ def explanations(steps: Sequence[SearchStep]) -> tuple[list[Causes], list[float]
     shares = np.array(ratios) / np.sum(ratios)
     # the accepted ones come first, even where a cause was chosen for what it explains with a second
     order = [0, *(1 + np.argsort(-shares[1:], kind="stable"))]
-    kept = [i for i in order if i == 0 or shares[i] >= _LEAST]
+    kept = [i for i in order if i == 0 or shares[i] >= _MIN_SHARE]
     return [sets[i] for i in kept], [float(shares[i]) for i in kept]

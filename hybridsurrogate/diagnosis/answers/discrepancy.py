@@ -17,7 +17,7 @@ from hybridsurrogate.diagnosis.search.search import (
     predict_locally,
 )
 from hybridsurrogate.effects.base import Cause
-from hybridsurrogate.simulation.variables import MOST_LEVELS
+from hybridsurrogate.simulation.variables import MAX_LEVELS
 from hybridsurrogate.types import FloatArray
 
 
@@ -168,7 +168,7 @@ def shares_of_thirds(
         if np.ptp(values) == 0:
             continue
         levels = np.unique(values)
-        if len(levels) <= MOST_LEVELS or name in labels:
+        if len(levels) <= MAX_LEVELS or name in labels:
             ends, part = np.repeat(levels, 2), np.searchsorted(levels, values)
         else:
             ends = np.repeat(np.linspace(levels[0], levels[-1], 4), 2)[1:-1]

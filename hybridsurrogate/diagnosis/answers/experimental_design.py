@@ -19,7 +19,7 @@ from hybridsurrogate.diagnosis.answers.averaging import (
     is_smooth,
     predictions_at,
 )
-from hybridsurrogate.diagnosis.search.candidate import LEAST_PROBABLE
+from hybridsurrogate.diagnosis.search.candidate import MIN_PROBABILITY
 from hybridsurrogate.diagnosis.search.search import Search
 from hybridsurrogate.emulators.failures import Failures
 from hybridsurrogate.model.observation import MeasuredModel
@@ -29,18 +29,18 @@ from hybridsurrogate.numerics.linear_algebra import LARGE_BLOCK, blocks
 from hybridsurrogate.simulation.arrays import as_numbers
 from hybridsurrogate.simulation.outputs import OUTPUT
 from hybridsurrogate.simulation.simulator import SimulationData, Simulator
-from hybridsurrogate.simulation.variables import MOST_LEVELS
+from hybridsurrogate.simulation.variables import MAX_LEVELS
 from hybridsurrogate.types import FloatArray
 
 # values of the new measurement under each component: Gauss and Legendre's nodes of its cumulative
 # probability, which serve narrow and wide alternatives together as well as similar ones; fewer
 # where each component is there at three amplitudes of a remainder
-_VALUES, _VALUES_BEYOND = 24, 8
+_N_QUANTILES, _N_QUANTILES_BEYOND = 24, 8
 # places along a column, and the share of the most information from which one is as good
-_N_PLACES, _AS_GOOD = 60, 0.98
-# places of a batch to choose from where none are given, and simulated batches: expected
+_N_PLACES, _GOOD_SHARE = 60, 0.98
+# places of a batch or of runs to choose from where none are given, and simulated batches: expected
 # information is estimated to about 0.02 bits
-_MOST_PLACES, _BATCHES = 400, 500
+_MAX_PLACES, _N_BATCHES = 400, 500
 
 
 @dataclass(frozen=True)
@@ -89,7 +89,7 @@ def next_measurement(result: Search, ranges: Mapping[str, tuple[float, float]]) 
             # without any prediction there is no information either
             bits = np.nan_to_num(_information(result, components, grid))
             # of places that are as good, the one nearest to what is known
-            good = np.flatnonzero(bits >= _AS_GOOD * bits.max())
+            good = np.flatnonzero(bits >= _GOOD_SHARE * bits.max())
             best = good[np.argmin(np.abs(grid[good, k] - point[k]))]
             point, information = grid[best], float(bits[best])
     place: dict[str, Any] = dict(zip(columns, point.tolist(), strict=False))
@@ -105,7 +105,7 @@ def _values_of(
     known = np.unique(measured)
     # between its values a column such as a batch or the number of a sensor means nothing
     # an input with so few values, whole numbers in a row, counts things
-    numbers = len(known) <= MOST_LEVELS and bool(np.all(np.diff(known) == 1) and known[0] % 1 == 0)
+    numbers = len(known) <= MAX_LEVELS and bool(np.all(np.diff(known) == 1) and known[0] % 1 == 0)
     if name in ranges and not numbers and name != OUTPUT:
         return np.linspace(*ranges[name], _N_PLACES)
     return known[np.linspace(0, len(known) - 1, min(len(known), _N_PLACES)).round().astype(int)]
@@ -125,9 +125,9 @@ def places_between(result: Search, ranges: Mapping[str, tuple[float, float]]) ->
         _values_of(c, x, ranges) for c, x in zip(problem.model.columns, problem.X.T, strict=False)
     ]
     n = np.array([len(axis) for axis in axes])
-    if np.prod(n.astype(float)) <= _MOST_PLACES:
+    if np.prod(n.astype(float)) <= _MAX_PLACES:
         return np.stack([axis.ravel() for axis in np.meshgrid(*axes, indexing="ij")], axis=1)
-    chosen = (qmc.Sobol(len(axes), rng=0).random(_MOST_PLACES) * n).astype(int)
+    chosen = (qmc.Sobol(len(axes), rng=0).random(_MAX_PLACES) * n).astype(int)
     return np.stack([axis[k] for axis, k in zip(axes, chosen.T, strict=True)], axis=1)
 
 
@@ -221,14 +221,14 @@ def batch(result: Search, places: FloatArray, n: int, cost: FloatArray) -> list[
     blind = is_smooth(components, known.alternative)[:, None] & ~_between_measured(result, places)
     random = np.random.RandomState(0)
     # batches are simulated under each component in proportion to its weight
-    true = np.searchsorted(np.cumsum(known.weight), (np.arange(_BATCHES) + 0.5) / _BATCHES)
+    true = np.searchsorted(np.cumsum(known.weight), (np.arange(_N_BATCHES) + 0.5) / _N_BATCHES)
     true = np.minimum(true, len(known.weight) - 1)
-    mean = np.repeat(known.mean[None], _BATCHES, axis=0)
-    odds = np.repeat(np.log(known.weight)[None], _BATCHES, axis=0)
+    mean = np.repeat(known.mean[None], _N_BATCHES, axis=0)
+    odds = np.repeat(np.log(known.weight)[None], _N_BATCHES, axis=0)
     one_hot = known.alternative[:, None] == np.unique(known.alternative)
     chosen = []
     for _ in range(n):
-        noise = random.standard_normal(_BATCHES)
+        noise = random.standard_normal(_N_BATCHES)
         other = _seen(odds, np.any(blind, axis=1), true, random)
         before = _entropy(odds, one_hot).mean()
         bits = np.zeros(len(places))
@@ -352,7 +352,7 @@ def _of_rows(
     variance = known.variance_at(slice(None))
     valid = (np.isfinite(known.mean) & np.isfinite(variance)).all(axis=0)
     out = np.zeros(len(grid))
-    n_values = _VALUES if inside else _VALUES_BEYOND
+    n_values = _N_QUANTILES if inside else _N_QUANTILES_BEYOND
     where = np.flatnonzero(valid)
     for some in blocks(len(where), len(known.weight) ** 2 * n_values, LARGE_BLOCK):
         rows = where[some]
@@ -371,7 +371,7 @@ def _mutual(
     variances: FloatArray,
     weight: FloatArray,
     alternative: NDArray[np.intp],
-    n_values: int = _VALUES,
+    n_values: int = _N_QUANTILES,
 ) -> FloatArray:
     """Return the mutual information of alternative and value, in bits, (m,).
 
@@ -392,10 +392,6 @@ def _mutual(
     gained = np.log(np.maximum(share, np.finfo(float).tiny)).reshape(y.shape)
     gained = np.einsum("cqm,q->cm", gained - np.log(same @ weight)[:, None, None], shares / 2)
     return np.maximum(weight @ gained, 0.0) / np.log(2)
-
-
-# draws of each posterior, places of them that count
-_DRAWS, _PLACES = 60, 500
 
 
 def next_runs(
@@ -442,8 +438,8 @@ def next_runs(
     inputs, omega = (np.concatenate(parts) for parts in zip(*asked, strict=True))
     kept = basis.of_runs(np.arange(float(inputs.shape[1]))[None])[0].astype(int).tolist()
     runs = np.unique(np.hstack([inputs[:, kept], omega]), axis=0)
-    if len(runs) > _PLACES:
-        runs = runs[np.random.default_rng(0).choice(len(runs), _PLACES, replace=False)]
+    if len(runs) > _MAX_PLACES:
+        runs = runs[np.random.default_rng(0).choice(len(runs), _MAX_PLACES, replace=False)]
     names = [*simulation.input_names, *simulation.parameter_ranges]
     points = np.zeros((len(runs), len(names)))
     points[:, [*kept, *range(inputs.shape[1], len(names))]] = runs
@@ -459,10 +455,9 @@ def _models(
     """Return models and draws of their values: of posteriors, and best fits of alternatives."""
     out: list[tuple[MeasuredModel, FloatArray]] = []
     for posterior in posteriors:
-        rows = np.unique(np.linspace(0, posterior.n_draws - 1, _DRAWS).astype(int))
-        out.append((posterior.model, posterior.values[rows]))
+        out.append((posterior.model, posterior.thinned().values))
     for w, probability in zip(result.candidates, result.probability, strict=True):
-        if probability > LEAST_PROBABLE:
+        if probability > MIN_PROBABILITY:
             out.append((w.fit.model, w.fit.values))
     return out
 

@@ -11,12 +11,10 @@ from hybridsurrogate.diagnosis.search.search import Search
 from hybridsurrogate.effects.base import Cause
 from hybridsurrogate.effects.dynamics.dynamic import Dynamic
 from hybridsurrogate.likelihoods import Likelihood
+from hybridsurrogate.model.posterior import SOME_DRAWS
 from hybridsurrogate.model.problem import Problem
 from hybridsurrogate.simulation.simulator import Simulator
 from hybridsurrogate.types import FloatArray
-
-# sets of parameters that are tried for each cause
-_TRIED = 64
 
 
 def failures(result: Search) -> list[str]:
@@ -33,12 +31,12 @@ def failures(result: Search) -> list[str]:
         may_fail = model.basis.is_simulation and model.n_unknowns
         if may_fail and (w.cause is None or w.cause.touches_simulation):
             # a fixed spread, so that a table is reproducible
-            z = np.random.RandomState(0).standard_normal((_TRIED, model.n_unknowns))
+            z = np.random.RandomState(0).standard_normal((SOME_DRAWS, model.n_unknowns))
             known, _, _ = model.simulated(result.problem.X, model.values(z))
             failed = int(np.sum(~np.isfinite(known).all(axis=1)))
         notes.append(
-            f"the simulation fails for {failed} of {_TRIED} sets of parameters from the priors, "
-            "which count as impossible"
+            f"the simulation fails for {failed} of {SOME_DRAWS} sets of parameters from the "
+            "priors, which count as impossible"
             if failed
             else ""
         )

@@ -22,23 +22,20 @@ from sklearn.base import clone
 from sklearn.utils import check_consistent_length
 
 from hybridsurrogate.diagnosis.answers.experimental_design import rows_as_table
-from hybridsurrogate.diagnosis.search.candidate import LEAST_PROBABLE
+from hybridsurrogate.diagnosis.search.candidate import MIN_PROBABILITY
 from hybridsurrogate.diagnosis.search.search import Search
 from hybridsurrogate.estimators.averaged import AveragedSurrogate
 from hybridsurrogate.estimators.power_scaled import PowerScaledSurrogate
 from hybridsurrogate.likelihoods import Likelihood, TransformedNormal
-from hybridsurrogate.model.posterior import MIN_EFFECTIVE
+from hybridsurrogate.model.posterior import MIN_EFFECTIVE, SOME_DRAWS
 from hybridsurrogate.model.rows.measured_data import GivenRows, new_errors, without_gaps
 from hybridsurrogate.numerics.linear_algebra import LARGE_BLOCK, blocks
 from hybridsurrogate.simulation.arrays import as_numbers, complete_table
 from hybridsurrogate.types import FloatArray
 
-# prior standard deviations of a shift, and factors of a wider spread, in those of the prediction
-_SHIFTS, _SPREADS = (1.0, 3.0), (2.0, 4.0)
-# share of the draws: they are made anew, with the measurements so far, where they are worth fewer
-_LEAST_SHARE = 0.25
-# values of each draw, for the quantile under a likelihood that is not normal
-_VALUES = 20
+# prior standard deviation of a shift, and factor of a wider spread, in those of the prediction: a
+# mixture with 3 and 4 sees shifts of 0.5 to 4 and factors of 1.5 to 8 later
+_SHIFT, _SPREAD = 1.0, 2.0
 
 
 @dataclass(frozen=True)
@@ -128,7 +125,7 @@ def monitored(
         if first >= len(new.y) or np.any(odds >= limit):
             break
         so_far = joined(known, new.take(slice(first)))
-        kept = np.flatnonzero(shares > LEAST_PROBABLE)
+        kept = np.flatnonzero(shares > MIN_PROBABILITY)
         models = [clone(models[k]).fit(*so_far) for k in map(int, kept)]
         shares = shares[kept]
     passed = np.flatnonzero(odds >= limit)
@@ -219,7 +216,8 @@ def _deviations(
     log_weight[:, 1:] += np.cumsum(log_density, axis=1)
     weight = special.softmax(log_weight, axis=0)
     worth = 1 / np.sum(weight[:, :-1] ** 2, axis=0)
-    least = min(MIN_EFFECTIVE, _LEAST_SHARE * counts[0])
+    # draws are made anew, with the measurements so far, where they are worth fewer
+    least = min(MIN_EFFECTIVE, counts[0] / 2)
     # a whole row of outputs at a time, and the first row in any case
     spent = there[worth < least] // width
     spent = spent[spent > 0]
@@ -243,18 +241,18 @@ def _below(likelihood: Likelihood, y: FloatArray, eta: FloatArray, sigma: FloatA
     random = np.random.RandomState(0)
     split = random.uniform(size=len(y))
     total = np.zeros(eta.shape)
-    for _ in range(_VALUES):
+    for _ in range(SOME_DRAWS):
         drawn = likelihood.sample(eta, sigma, random)
         total += (drawn < y) + split * (drawn == y)
     # never quite none or all
-    return (total + 0.5) / (_VALUES + 1)
+    return (total + 0.5) / (SOME_DRAWS + 1)
 
 
 def log_odds(z: FloatArray) -> tuple[FloatArray, NDArray[np.intp]]:
     """Return the log odds of a change against none after each deviation, and where it began.
 
     With prior probability 1 / (k (k + 1)) it begins at the k-th; from there the deviations are
-    shifted, by a normal of one of two widths, or wider, by one of two factors.
+    shifted, by a normal number, or wider.
 
     Parameters
     ----------
@@ -271,19 +269,16 @@ def log_odds(z: FloatArray) -> tuple[FloatArray, NDArray[np.intp]]:
     k = np.arange(1, n + 1)
     prior = -np.log(k) - np.log(k + 1)
     odds, began = np.empty(n), np.empty(n, dtype=np.intp)
-    for some in blocks(n, n * (len(_SHIFTS) + len(_SPREADS))):
+    for some in blocks(n, 2 * n):
         t = k[some][:, None]
         count = t - k + 1
         possible = count > 0
         count = np.maximum(count, 0)
         moved, square = total[t] - total[k - 1], squares[t] - squares[k - 1]
-        ways = [
-            -0.5 * np.log1p(count * s**2) + 0.5 * s**2 * moved**2 / (1 + count * s**2)
-            for s in _SHIFTS
-        ]
-        ways += [0.5 * square * (1 - s**-2) - count * np.log(s) for s in _SPREADS]
-        most = np.max(ways, axis=0)
-        ratio = most + np.log(np.mean(np.exp(ways - most), axis=0))
+        width = 1 + count * _SHIFT**2
+        shifted = 0.5 * (_SHIFT**2 * moved**2 / width - np.log(width))
+        wider = 0.5 * square * (1 - _SPREAD**-2) - count * np.log(_SPREAD)
+        ratio = np.logaddexp(shifted, wider) - np.log(2)
         terms = np.where(possible, prior + ratio, -np.inf)
         # it may begin later: the rest of the prior
         later = -np.log(t[:, 0] + 1)

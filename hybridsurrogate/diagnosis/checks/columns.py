@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike
 from hybridsurrogate.diagnosis.checks.caution import SETTINGS, Caution
 from hybridsurrogate.diagnosis.search.candidate import Candidate
 from hybridsurrogate.diagnosis.search.search import Search
-from hybridsurrogate.effects.context import LEAST_EACH
+from hybridsurrogate.effects.context import MIN_ROWS_EACH
 from hybridsurrogate.exceptions import DiagnosisWarning
 from hybridsurrogate.model.posterior import FEW_DRAWS
 from hybridsurrogate.model.problem import Problem
@@ -88,7 +88,8 @@ def check_usable_columns(
     for name in experiments_of([X], experiment, None, simulation).left_out:
         warnings.warn(
             f"The column {name!r} is left out: its names, such as {X[name].iloc[0]!r}, stand in "
-            f"fewer than {LEAST_EACH} rows each. If these are numbers, pandas.to_numeric(X[name]).",
+            f"fewer than {MIN_ROWS_EACH} rows each. If these are numbers, "
+            "pandas.to_numeric(X[name]).",
             DiagnosisWarning,
             stacklevel=3,
         )
@@ -131,7 +132,7 @@ def _copies(values: FloatArray, y: Any) -> bool:
     """Return whether values are a linear function of what was measured of an output."""
     numbers = np.asarray(pd.to_numeric(pd.Series(y), errors="coerce"), dtype=float)
     there = np.isfinite(numbers)
-    return there.sum() > 2 and 1 - _likeness(values[there], numbers[there]) < SETTINGS.copied
+    return there.sum() > 2 and 1 - _likeness(values[there], numbers[there]) < SETTINGS.copy_rounding
 
 
 def _likeness(a: FloatArray, b: FloatArray) -> float:
@@ -149,7 +150,7 @@ def _check_ranges(columns: Mapping[str, FloatArray], ranges: Ranges) -> None:
             continue
         values = columns[name]
         outside = 1 - _share_within(values, low, high)
-        if outside < SETTINGS.half:
+        if outside < SETTINGS.majority:
             continue
         hint = _exchange(columns, ranges, name) or _unit(name, values, low, high)
         raise ValueError(
@@ -171,12 +172,12 @@ def _unit(name: str, values: FloatArray, low: float, high: float) -> str:
         (f"as {a:.6g} + {b:.6g} of them", a + b * values, words)
         for (a, b), words in _SHIFTED.items()
     ]
-    fitting = [way for way in ways if _share_within(way[1], low, high) >= SETTINGS.most]
+    fitting = [way for way in ways if _share_within(way[1], low, high) >= SETTINGS.nearly_all]
     if not fitting:
         return "Check its unit, or simulate the range that was measured."
     # of several units the commonest that fills about as much of what was simulated as any
     most = max(np.ptp(way[1]) for way in fitting)
-    how, _, words = next(way for way in fitting if np.ptp(way[1]) >= SETTINGS.most * most)
+    how, _, words = next(way for way in fitting if np.ptp(way[1]) >= SETTINGS.nearly_all * most)
     return (
         f"Is it in another unit, as {words}? Its values {how} lie within. Check the unit, or "
         "simulate the range that was measured."
@@ -190,7 +191,7 @@ def _exchange(columns: Mapping[str, FloatArray], ranges: Ranges, name: str) -> s
     for other in (one for one in there if one != name):
         after = [_share_within(columns[a], *ranges[b]) for a, b in ((other, name), (name, other))]
         gain = sum(after) - before[name] - before[other]
-        if min(after) >= SETTINGS.most and gain >= SETTINGS.half:
+        if min(after) >= SETTINGS.nearly_all and gain >= SETTINGS.majority:
             return (
                 f"With the columns {name!r} and {other!r} exchanged, {min(after):.0%} lie within: "
                 "were they swapped?"
@@ -215,7 +216,7 @@ def doubtful_columns(problem: Problem, ranges: Ranges) -> list[Caution]:
     sentences = []
     for name in list(columns)[model.n_inputs :]:
         likeness = _likeness(columns[name], problem.observed)
-        if likeness > SETTINGS.nearly_copied:
+        if likeness > SETTINGS.copy_correlation:
             sentences.append(
                 f"The column {name!r} follows the output almost exactly (correlation "
                 f"{likeness:.5f}). Is it the output once more, rounded or computed from it? Then "
@@ -235,7 +236,7 @@ def _unit_of_output(problem: Problem) -> list[str]:
     scaled, shifted = _alike(simulated, y), _alike(simulated, y, centred=True)
     gains = scaled @ y / np.sum(scaled**2, axis=1)
     # a unit is wrong where no parameters that draw the same shape reach the size
-    far = np.all(gains > SETTINGS.far_gain) or np.all(gains * SETTINGS.far_gain < 1)
+    far = np.all(gains > SETTINGS.unit_factor) or np.all(gains * SETTINGS.unit_factor < 1)
     shift = _named_shift(shifted, y) if len(shifted) else None
     if len(gains) and far:
         gain = float(np.median(gains))
@@ -272,13 +273,13 @@ def _alike(simulated: FloatArray, y: FloatArray, centred: bool = False) -> Float
     if centred:
         a, b = a - a.mean(axis=1, keepdims=True), b - b.mean()
     sizes = np.linalg.norm(a, axis=1) * np.linalg.norm(b)
-    return simulated[a @ b > SETTINGS.most * np.maximum(sizes, np.finfo(float).tiny)]
+    return simulated[a @ b > SETTINGS.nearly_all * np.maximum(sizes, np.finfo(float).tiny)]
 
 
 def _named_factor(gain: float) -> str:
     for factor, words in _UNITS.items():
         for value in (factor, 1 / factor):
-            if abs(np.log(gain / value)) < SETTINGS.near_unit:
+            if abs(np.log(gain / value)) < SETTINGS.unit_tolerance:
                 return f" (as {words})"
     return ""
 
@@ -286,7 +287,7 @@ def _named_factor(gain: float) -> str:
 def _named_shift(simulated: FloatArray, y: FloatArray) -> str | None:
     """Return the shift between two units of temperature, where it is one."""
     spread = float(np.std(y))
-    if not np.all(np.abs(np.mean(y - simulated, axis=1)) > SETTINGS.few * spread):
+    if not np.all(np.abs(np.mean(y - simulated, axis=1)) > SETTINGS.chance_sd * spread):
         return None
     for (offset, factor), words in _SHIFTED.items():
         left = np.mean(y - offset - factor * simulated, axis=1)
@@ -309,9 +310,9 @@ def better_columns(result: Search, ranges: Ranges, chosen: Candidate) -> list[Ca
         The best cause: other columns must do about as well, unless it is a curve of any shape.
     """
     problem, null = result.problem, result.candidates[0].fit
-    least = SETTINGS.half * null.sigma
+    least = SETTINGS.majority * null.sigma
     if chosen.cause is not None and not chosen.cause.is_process:
-        least = min(least, chosen.fit.sigma / SETTINGS.half)
+        least = min(least, chosen.fit.sigma / SETTINGS.majority)
     if problem.working_point is not None:
         return []
     found: list[tuple[float, str]] = []
@@ -351,6 +352,6 @@ def _other_columns(problem: Problem, ranges: Ranges) -> Iterator[tuple[str, Floa
         for factor, units in _UNITS.items():
             X = problem.X.copy()
             X[:, k] = factor * values
-            filled = np.ptp(X[:, k]) > SETTINGS.half * (high - low)
-            if filled and _share_within(X[:, k], low, high) >= SETTINGS.most:
+            filled = np.ptp(X[:, k]) > SETTINGS.majority * (high - low)
+            if filled and _share_within(X[:, k], low, high) >= SETTINGS.nearly_all:
                 yield f"{name!r} multiplied by {factor:.6g} (as {units})", X

@@ -60,7 +60,7 @@ def copied_rows(X: FloatArray, y: FloatArray) -> list[Caution]:
     """
     again = len(X) - len(np.unique(X, axis=0))
     alike = len(X) - len(np.unique(np.column_stack([X, y]), axis=0))
-    if alike < SETTINGS.few or 2 * alike <= again:
+    if alike < SETTINGS.chance_sd or 2 * alike <= again:
         return []
     sentence = (
         f"{alike} of {len(X)} measured rows are copies of others, in every input and in the "
@@ -107,7 +107,7 @@ def mirrored(problem: Problem) -> list[Caution]:
         sizes = np.linalg.norm(simulated) * np.linalg.norm(problem.y)
         likeness = float(simulated @ problem.y) / sizes if sizes > 0 else 0.0
     # a cosine: positive where the simulation has anything of the output
-    if not likeness < -SETTINGS.half:
+    if not likeness < -SETTINGS.majority:
         return []
     return [
         Caution(
@@ -132,7 +132,9 @@ def is_exact(result: Search) -> bool:
         if w.cause is None
         or (w.cause.changes_output and not w.cause.is_process and "noise" not in w.cause.acts_on)
     ]
-    return problem.likelihood.gaussian and (min(rest) <= SETTINGS.few * NEGLIGIBLE * problem.scale)
+    return problem.likelihood.gaussian and (
+        min(rest) <= SETTINGS.chance_sd * NEGLIGIBLE * problem.scale
+    )
 
 
 def exact(result: Search) -> list[Caution]:
@@ -142,7 +144,7 @@ def exact(result: Search) -> list[Caution]:
     ----------
     result : Search
     """
-    alone = result.candidates[0].fit.sigma <= SETTINGS.few * BLUR * result.problem.scale
+    alone = result.candidates[0].fit.sigma <= SETTINGS.chance_sd * BLUR * result.problem.scale
     what = "The simulation meets" if alone else "With a cause the simulation meets"
     return [
         Caution(
@@ -179,8 +181,8 @@ def single_rows(result: Search, chosen: Candidate) -> list[Caution]:
         first = np.argsort(-explained)[:2]
         # one row suffices where it alone carries as much
         share = np.cumsum(explained[first]) / max(float(explained.sum()), np.finfo(float).tiny)
-        if share[-1] > SETTINGS.most:
-            rows = first[:1] if share[0] > SETTINGS.most else np.sort(first)
+        if share[-1] > SETTINGS.nearly_all:
+            rows = first[:1] if share[0] > SETTINGS.nearly_all else np.sort(first)
             few = "one row" if len(rows) == 1 else "two rows"
             what, them = _described(result, rows, null)
             then = "and diagnose without, before believing the cause"
@@ -215,9 +217,9 @@ def _far_off(result: Search, missed: FloatArray) -> NDArray[np.intp]:
         here = of == output
         away = np.abs(missed[here] - np.median(missed[here]))
         sd = float(median_abs_deviation(missed[here], scale="normal"))
-        sd = max(sd, SETTINGS.few * NEGLIGIBLE * problem.scale)
-        far[here] = away > SETTINGS.far_off * sd
-    most = max(2, int(SETTINGS.most_far_off * len(missed)))
+        sd = max(sd, SETTINGS.chance_sd * NEGLIGIBLE * problem.scale)
+        far[here] = away > SETTINGS.outlying_sd * sd
+    most = max(2, int(SETTINGS.outlying_share * len(missed)))
     rows = np.flatnonzero(far)
     return rows if len(rows) <= most else rows[:0]
 
@@ -247,7 +249,7 @@ def _place(at: dict[str, float]) -> str:
 
 
 # a caution is raised in one of a hundred sets without overdispersion
-_LEVEL = 0.01
+_DISPERSION_LEVEL = 0.01
 
 
 class Dispersion(NamedTuple):
@@ -284,7 +286,7 @@ def cautions_of_dispersion(problem: Problem, posteriors: Sequence[Posterior]) ->
         eta = posterior.eta(problem.X)[0]
         eta = np.mean(eta[np.isfinite(eta).all(axis=1)], axis=0)
         found = dispersion_of(likelihood, problem.X, eta, problem.observed)
-        if found is None or found.p_value > _LEVEL:
+        if found is None or found.p_value > _DISPERSION_LEVEL:
             return []
     assert found is not None  # there is one posterior at least
     return [
@@ -351,7 +353,7 @@ def dispersion_of(
     center = np.broadcast_to(mean[..., open_], (2, REPLICATES, int(open_.sum())))
     again = likelihood.sample(center, np.ones((1, 1, 1)), random)
     replicates, _ = _squares(likelihood, mean[..., open_], again)
-    statistic, drawn = (_mean(each, SETTINGS.few**2) for each in (squares, replicates))
+    statistic, drawn = (_mean(each, SETTINGS.chance_sd**2) for each in (squares, replicates))
     p_value = (1 + np.sum(drawn >= statistic)) / (1 + REPLICATES)
     ratio = _mean(squares, np.inf)[0] / np.mean(_mean(replicates, np.inf))
     return Dispersion(float(ratio), float(p_value))

@@ -244,10 +244,9 @@ def confounded(table: pd.DataFrame) -> pd.DataFrame:
     hardly better known than before the data: where both are known well in spite of the
     correlation, the data did separate them.
     """
-    correlated = table["correlation"].abs() >= SETTINGS.most
-    return table[
-        correlated & (table["width"] >= SETTINGS.half) & (table["absorbed"] >= SETTINGS.half)
-    ]
+    correlated = table["correlation"].abs() >= SETTINGS.nearly_all
+    least = table[["width", "absorbed"]].min(axis=1, skipna=False)
+    return table[correlated & (least >= SETTINGS.majority)]
 
 
 def sentences_on_parameters(table: pd.DataFrame) -> Iterator[str]:
@@ -272,8 +271,7 @@ def _correlation(a: FloatArray, b: FloatArray) -> float:
 
 def _curve(before: Posterior, after: Posterior, position: int, X: FloatArray) -> FloatArray:
     """Return what one cause adds to eta at rows X, averaged over draws, (n,)."""
-    index = np.linspace(0, after.n_draws - 1, min(after.n_draws, FEW_DRAWS)).astype(int)
-    draws, model = after.take(index), after.model
+    draws, model = after.thinned(FEW_DRAWS), after.model
     others = [effect for k, effect in enumerate(model.effects) if k != position]
     theta = np.array([owner != position for owner, _ in model.theta_names], dtype=bool)
     columns = np.array([owner != position for owner, _ in model.column_names], dtype=bool)

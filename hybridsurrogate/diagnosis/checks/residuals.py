@@ -16,7 +16,7 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import fft
+from scipy import fft, special
 
 from hybridsurrogate.diagnosis.checks.caution import REPLICATES
 from hybridsurrogate.diagnosis.search.candidate import Candidate
@@ -27,17 +27,15 @@ from hybridsurrogate.diagnosis.search.search import (
     measured_and_other,
     size_of,
 )
+from hybridsurrogate.inference.evidence.settings import SETTINGS
 from hybridsurrogate.simulation.outputs import OUTPUT
 from hybridsurrogate.studied import STUDIED
 from hybridsurrogate.types import FloatArray
 
 # of causes that are right so many are called the nearest one
-STRANGE = 0.05
-# after these the p-values of two measured sets (casualties, beaver) stay as they are; without them
-# they are 0.09 and 0.03 instead of 0.55 and 0.09
-_ROUNDS = 10
+RESIDUAL_LEVEL = 0.05
 # slow waves over a column, from a half to two over its range
-_WAVES = 4
+_N_WAVES = 4
 
 
 @dataclass(frozen=True)
@@ -79,7 +77,7 @@ def check_residuals(result: Search, w: Candidate) -> ResidualCheck | None:
     X, columns = result.problem.X, result.problem.model.columns
     found: dict[str, FloatArray] = {}
     for k, name in enumerate(columns):
-        if name == OUTPUT or len(np.unique(X[:, k])) < 2 * _WAVES:
+        if name == OUTPUT or len(np.unique(X[:, k])) < 2 * _N_WAVES:
             continue
         # of several outputs one after the other
         outputs = X[:, columns.index(OUTPUT)] if OUTPUT in columns else np.zeros(len(X))
@@ -97,7 +95,7 @@ def check_residuals(result: Search, w: Candidate) -> ResidualCheck | None:
 
 def has_residual_structure(step: SearchStep, check: ResidualCheck | None) -> bool:
     """Return whether residual structure remains: in the residuals, or given a smooth curve."""
-    strange = check is not None and check.p_value <= STRANGE
+    strange = check is not None and check.p_value <= RESIDUAL_LEVEL
     place = [w is step.chosen for w in step.conditional.candidates]
     remainder = float(step.conditional.remainder[place.index(True)]) if any(place) else 0.0
     return strange or remainder > 0.5
@@ -112,8 +110,9 @@ def _left(result: Search, w: Candidate) -> FloatArray:
     design = rows.design / rows.noise[:, None]
     target = (result.problem.y - rows.offset) / rows.noise
     local = local_posterior(result, w, rows, size)
-    for _ in range(_ROUNDS if is_path else 0):
-        # expectation and maximisation: the remaining noise given a path of this size
+    for _ in range(SETTINGS.optimiser_steps if is_path else 0):
+        # expectation and maximisation: the remaining noise given a path of this size. Without, the
+        # p-values of two measured sets (casualties, beaver) are 0.09 and 0.03, not 0.55 and 0.09
         squares = (target - design @ local.mean) ** 2
         squares = squares + np.sum(design @ local.covariance * design, axis=1)
         w = w._replace(fit=w.fit._replace(sigma=float(np.sqrt(np.mean(squares)))))
@@ -135,7 +134,7 @@ def _left(result: Search, w: Candidate) -> FloatArray:
 
 def _along(left: FloatArray) -> dict[str, FloatArray]:
     """Return statistics of residuals (R, n) along a column, each (R,)."""
-    waves = fft.dct(left, axis=1, norm="ortho")[:, 1 : 1 + _WAVES]
+    waves = fft.dct(left, axis=1, norm="ortho")[:, 1 : 1 + _N_WAVES]
     return {
         "neighbours": np.mean(left[:, 1:] * left[:, :-1], axis=1),
         "curve": np.sum(waves**2, axis=1),
@@ -151,8 +150,8 @@ def _along(left: FloatArray) -> dict[str, FloatArray]:
 _FOUND = STUDIED["probability_right"]
 NOT_HELD, DOCUMENTED, N_CASES = (_FOUND[name] for name in ("not_held", "documented", "n_cases"))
 _ONE, _ODDS, _STRUCTURE = (_FOUND[name] for name in ("one", "odds", "structure"))
-# log odds beyond it are all the same: no case was surer
-_SUREST = 9.2
+# probabilities beyond it are all the same: no case was surer
+_HIGHEST_PROBABILITY = 0.9999
 
 
 def probability_right(share: float, has_residual_structure: bool) -> float:
@@ -176,7 +175,6 @@ def probability_right(share: float, has_residual_structure: bool) -> float:
     >>> unsure < sure < 0.99
     True
     """
-    odds = math.log(share) - math.log1p(-share) if 0 < share < 1 else math.copysign(_SUREST, share)
-    odds = min(max(odds, -_SUREST), _SUREST)
+    odds = float(special.logit(min(max(share, 1 - _HIGHEST_PROBABILITY), _HIGHEST_PROBABILITY)))
     total = _ONE + _ODDS * odds + _STRUCTURE * has_residual_structure
     return min(share, 1 / (1 + math.exp(-total)))

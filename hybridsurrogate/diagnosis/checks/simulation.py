@@ -13,7 +13,7 @@ import numpy as np
 from hybridsurrogate.diagnosis.checks.caution import SETTINGS, Caution
 from hybridsurrogate.diagnosis.search.search import Search
 from hybridsurrogate.emulators.failures import Failures
-from hybridsurrogate.estimators.emulation import LONG, seconds_of_each
+from hybridsurrogate.estimators.emulation import LONG_SECONDS, seconds_of_each
 from hybridsurrogate.exceptions import DiagnosisWarning
 from hybridsurrogate.model.context import LONGEST_STEP, around, output
 from hybridsurrogate.model.posterior import Posterior
@@ -56,8 +56,8 @@ def warn_if_slow(problem: Problem, n_folds: int | None = None) -> None:
     """
     each = seconds_a_run(problem)
     folds = 0 if n_folds is None else n_folds
-    sets = SETTINGS.runs_of_a_search * (1 + SETTINGS.cost_of_a_fold * folds)
-    if each * sets < LONG:
+    sets = SETTINGS.search_runs * (1 + SETTINGS.fold_share * folds)
+    if each * sets < LONG_SECONDS:
         return
     thousands = round(sets, -3)
     without = "" if n_folds is None else " cv=None leaves the folds out."
@@ -72,13 +72,11 @@ def warn_if_slow(problem: Problem, n_folds: int | None = None) -> None:
     )
 
 
-# draws of a posterior at which failures are predicted
-_DRAWS = 50
 # more than the noise hides, in its standard deviations; measured rows mend some of what is missed
-MOST_OPEN, MOST_MISSED = 1.0, 2.0
+MAX_LEFT_OPEN, MAX_MISSED = 1.0, 2.0
 # of runs that are whole numbers: 24 nats of a jump were lost where they left 0.35 open, and
 # rounding took 0.24
-_MOST_OPEN_OF_WHOLE = 0.3
+_MAX_LEFT_OPEN_OF_WHOLE = 0.3
 
 
 def advice_on_runs(surrogate: Surrogate | None) -> str:
@@ -104,14 +102,14 @@ class EmulatorCheck(NamedTuple):
     between : float
         The part of ``left_open`` that lies between the places of runs that are curves: finer places
         close it, and more runs do not.
+    scatter : float
+        By how much repeated runs of a stochastic simulation differ as curves. A measured system is
+        one run: the comparisons of the search count it, ``left_open`` does not.
     along : str or None
         The input along which runs are curves; of fields both.
     rounding : float or None
         What rounding to whole numbers takes from an expected count at the measured rows, where runs
         of counts are whole numbers; None where they are not.
-    scatter : float
-        By how much repeated runs of a stochastic simulation differ as curves. A measured system is
-        one run: the comparisons of the search count it, ``left_open`` does not.
     unrepeated : float
         The part of ``left_open`` by which runs that are curves differ from those of near
         parameters: noise of a stochastic simulation, or jumps; repeated runs distinguish them.
@@ -120,10 +118,10 @@ class EmulatorCheck(NamedTuple):
     left_open: float
     missed: float
     beyond: dict[str, int]
-    between: float = 0.0
+    between: float
+    scatter: float
     along: str | None = None
     rounding: float | None = None
-    scatter: float = 0.0
     unrepeated: float = 0.0
 
     @property
@@ -134,7 +132,7 @@ class EmulatorCheck(NamedTuple):
         stairs, all zero below one half, and an emulator of stairs is rough.
         """
         left_open = math.hypot(self.left_open, self.rounding or 0.0)
-        most = MOST_OPEN if self.rounding is None else _MOST_OPEN_OF_WHOLE
+        most = MAX_LEFT_OPEN if self.rounding is None else _MAX_LEFT_OPEN_OF_WHOLE
         return left_open if left_open > most else 0.0
 
     @property
@@ -180,12 +178,12 @@ class EmulatorCheck(NamedTuple):
     def cautions(self, surrogate: Surrogate) -> list[Caution]:
         """Return what the noise does not hide."""
         out = []
-        if self.left_open > MOST_OPEN:
+        if self.left_open > MAX_LEFT_OPEN:
             out.append(
                 f"At the measured rows the runs leave the simulation open by {self.left_open:.1f} "
                 f"times the noise: effects that are not larger cannot be detected. {self.remedy}"
             )
-        if self.missed > MOST_MISSED:
+        if self.missed > MAX_MISSED:
             out.append(
                 f"At the measured rows {type(surrogate).__name__}, trained on the runs alone, "
                 f"misses the simulation by {self.missed:.1f} times the noise. The search does "
@@ -233,18 +231,18 @@ def check_emulator(result: Search, surrogate: Basis, runs: SimulationData) -> Em
         errors = problem.likelihood.rounding(outputs[0])
         rounding = float(np.sqrt(np.mean((errors / unit) ** 2)))
     left_open, missed, between, scatter, near = rms.tolist()
-    of_curves = between, " and ".join(along) or None
-    return EmulatorCheck(left_open, missed, beyond, *of_curves, rounding, scatter, near)
+    curves = " and ".join(along) or None
+    return EmulatorCheck(left_open, missed, beyond, between, scatter, curves, rounding, near)
 
 
 def cautions_of_failures(runs: object, posterior: Posterior, X: FloatArray) -> list[Caution]:
     """Return a caution where most runs at the measured rows would fail, over the posterior."""
     if not isinstance(runs, SimulationData) or not len(runs.failed):
         return []
-    some = posterior.take(np.linspace(0, posterior.n_draws - 1, _DRAWS).astype(int))
+    some = posterior.thinned()
     places = some.model.places(X[:, : len(some.model.columns)], some.values)
     share = float(np.mean(Failures.of(runs).probability(np.hstack(places))))
-    if share < SETTINGS.half:
+    if share < SETTINGS.majority:
         return []
     return [
         Caution(
@@ -274,7 +272,7 @@ def warn_if_rough(problem: Problem) -> None:
     # a simulation that fails all around its best fit has no jumps to speak of
     jump = float(np.sqrt(np.sum(second**2) / max(6 * second.size, 1)))
     noise = float(np.std(problem.y - best[0]))
-    if not jump > SETTINGS.large_jump * noise:
+    if not jump > SETTINGS.jump_share * noise:
         return
     warnings.warn(
         f"The simulation is rough: its output jumps by about {number(jump, 2)} where parameters "

@@ -20,7 +20,7 @@ from hybridsurrogate.diagnosis.checks.residuals import (
 )
 from hybridsurrogate.diagnosis.checks.simulation import EmulatorCheck
 from hybridsurrogate.diagnosis.fitting.result import Conclusion
-from hybridsurrogate.diagnosis.search.candidate import LEAST_PROBABLE, Candidate
+from hybridsurrogate.diagnosis.search.candidate import MIN_PROBABILITY, Candidate
 from hybridsurrogate.diagnosis.search.forward_selection import SearchStep
 from hybridsurrogate.diagnosis.search.search import Search, draw_the_same, predicted_rows
 from hybridsurrogate.diagnosis.search.simulated import detectable, smallest_detectable
@@ -79,7 +79,7 @@ def conclude(
     same, of_kind = kinds_of_same_curve(found, chosen), found.kind_shares
     share = sum(of_kind[kind] for kind in (chosen.kind, *same))
     last = next(step for step in reversed(steps) if step.is_accepted)
-    word = "named" if share >= SETTINGS.named else "ambiguous"
+    word = "named" if share >= SETTINGS.naming_level else "ambiguous"
     if not chosen.has_name:
         word = "unexplained"
     elif word == "named" and has_residual_structure(last, residual_check):
@@ -99,7 +99,7 @@ def kinds_of_same_curve(result: Search, chosen: Candidate) -> tuple[str, ...]:
     best: dict[str, Candidate] = {}
     for k in np.argsort(-result.probability):
         w = result.candidates[k]
-        worth = result.probability[k] > LEAST_PROBABLE * result.probability[1:].max()
+        worth = result.probability[k] > MIN_PROBABILITY * result.probability[1:].max()
         if w.cause is not None and not w.cause.is_process and worth:
             best.setdefault(w.kind, w)
     own = chosen.kind

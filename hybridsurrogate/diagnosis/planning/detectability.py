@@ -42,9 +42,6 @@ from hybridsurrogate.numerics.linear_algebra import one_blas_thread
 from hybridsurrogate.simulation.arrays import as_numbers, complete_table
 from hybridsurrogate.types import FloatArray
 
-# draws from the priors for one at which the simulation runs
-_MOST_TRIED = 50
-
 
 def places(
     model: PowerScaledSurrogate,
@@ -113,7 +110,7 @@ def _outputs(
     c = emulator_posterior(model.basis, problem.simulation).mean
     sequence = qmc.Sobol(max(d, 1), rng=np.random.default_rng(random.randint(2**31 - 1)))
     out: list[FloatArray] = []
-    for _ in range(_MOST_TRIED):
+    for _ in range(FEW_DRAWS):
         u = sequence.random(2 ** int(np.ceil(np.log2(n))))[:, :d]
         values = model.values(ndtri(np.clip(u, 1e-6, 1 - 1e-6)))
         with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
@@ -142,7 +139,7 @@ def _place(ready: Prepared, fitted: PowerScaledSurrogate, noise: FloatArray) -> 
 
 
 # sets of parameters at which causes are linearised, and data sets without a cause in all
-_PLACES, _NULL = 8, 400
+_N_PLACES, _N_NULL = 8, 400
 # bytes for each planned row: 118 MB more for 960 rows more, all kinds of a simulation of one input
 _BYTES_A_ROW = 125_000
 
@@ -223,7 +220,7 @@ def detectability(
         causes=own,
         exclude=exclude,
         false_alarm_rate=false_alarm_rate,
-        n_replicates=_NULL,
+        n_replicates=_N_NULL,
     )
     check_scalar(n_replicates, "n_replicates", Integral, min_val=1)
     _check_memory(int(np.shape(X)[0]) if np.ndim(X) else 0)
@@ -231,7 +228,7 @@ def detectability(
     levels, scale = _checked_sizes(sizes), _checked_noise(estimator, noise)
     random = check_random_state(random_state)
     with one_blas_thread():
-        n_places = min(_PLACES, int(n_replicates))
+        n_places = min(_N_PLACES, int(n_replicates))
         at, ready = places(estimator, rows, scale, own, exclude, n_places, random)
         labels = _labels(words, at[0].causes, ready.skipped)
         counts = np.diff(np.linspace(0, n_replicates, n_places + 1).astype(int))
@@ -257,7 +254,7 @@ def _simulated(
     random: np.random.RandomState,
 ) -> _Part:
     """Return the outcomes of m data sets of each cause and size, evaluated together."""
-    n, n_null = len(place.noise), _NULL // _PLACES
+    n, n_null = len(place.noise), _N_NULL // _N_PLACES
     responses = [place.responses(np.zeros((n_null, n)), np.ones((n_null, n)), random)]
     drawn: list[tuple[str, float, FloatArray]] = []
     for label in labels:

@@ -296,7 +296,9 @@ def detectability_of(
                     "size": size,
                     "detected": float(np.mean(found != NOTHING)),
                     "right": float(np.mean(found == kind)),
-                    "named": float(np.mean((found == kind) & (some["share"] >= SETTINGS.named))),
+                    "named": float(
+                        np.mean((found == kind) & (some["share"] >= SETTINGS.naming_level))
+                    ),
                     "confused": len(wrong) / len(some),
                     "confused_with": str(wrong.mode().iloc[0]) if len(wrong) else "",
                     "change": float(np.median(some["change"])),

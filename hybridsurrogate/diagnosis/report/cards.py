@@ -103,7 +103,7 @@ def _measure(view: View) -> list[Advice]:
         ]
     )
     bits = digits.at_least(result.next_measurement.information)
-    if result.next_measurement.information < SETTINGS.little_information:
+    if result.next_measurement.information < SETTINGS.min_information:
         return [
             Advice(
                 "One more measurement would hardly separate the explanations: the best place, "

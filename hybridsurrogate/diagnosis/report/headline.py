@@ -52,7 +52,7 @@ def headline(view: View) -> str:
         own = finding.kind, *finding.same_curve
         others = [kind for kind in result.indistinguishable if kind not in own]
         kinds = [finding.kind, *sorted(others, key=lambda kind: -shares[kind])]
-        shown = kinds[: SETTINGS.most_listed]
+        shown = kinds[: SETTINGS.max_listed]
         left = len(kinds) - len(shown)
         more = f" or {left} others" if left > 1 else " or one other" if left else ""
         if len(shown) > 1 and not more:
@@ -62,7 +62,7 @@ def headline(view: View) -> str:
         return f"{_at_fault(view)} wrong, and the data leave open how: {choice}."
     sentence = sentence_of(view, finding, cause)
     right = result.conclusion.probability_right
-    if result.conclusion.verdict == "nearest" and right is not None and right < CHECKS.half:
+    if result.conclusion.verdict == "nearest" and right is not None and right < CHECKS.majority:
         return f"{_at_fault(view)} wrong. The closest match: {_lower(sentence)}"
     return sentence
 
@@ -143,7 +143,7 @@ def sentence_of(view: View, finding: CauseFinding, cause: Cause) -> str:
 def estimates_of(view: View, finding: CauseFinding, cause: Cause) -> str:
     """Return the first estimates with their intervals: "amplitude 2.74 ppm (2.71 to 2.78)"."""
     parts: list[str] = []
-    for name, (mean, low, high) in list(finding.estimates.items())[: SETTINGS.most_listed]:
+    for name, (mean, low, high) in list(finding.estimates.items())[: SETTINGS.max_listed]:
         value, _, limits = digits.interval(mean, low, high).partition(" (")
         unit = known_unit(view, cause, name)
         inside = f" ({limits}" if limits else ""

@@ -16,7 +16,7 @@ from hybridsurrogate.types import FloatArray
 # kinds that are no name for what is wrong
 NAMELESS = ("none", "unexplained")
 # less probable causes are not looked at again, not drawn, and not fitted to further data
-LEAST_PROBABLE = 0.01
+MIN_PROBABILITY = 0.01
 
 
 class Candidate(NamedTuple):

@@ -236,7 +236,7 @@ class SearchContext:
                 # a jump has one level between two rows, however fine the grid
                 same = len(found) == len(levels)
                 gain = found[-1] - levels[-1] if len(levels) else np.inf
-                same = same and abs(gain) < SETTINGS.gain_converged
+                same = same and abs(gain) < SETTINGS.converged_gain
                 slow = slow + 1 if found[-1] + rounds * gain < enough else 0
                 levels, fruitless = found, fruitless + 1 if same else 0
                 stops = fruitless >= SETTINGS.fruitless_refinements or slow > 1

@@ -49,13 +49,13 @@ def placed_together(
     """
     evidence = np.array([w.log_evidence for w in conditional.candidates])
     able = [k for k, w in enumerate(conditional.candidates) if w.cause and movable(w.cause)]
-    able = sorted(able, key=lambda k: -evidence[k])[: SETTINGS.most_compared]
+    able = sorted(able, key=lambda k: -evidence[k])[: SETTINGS.max_compared]
     if first.cause is None or not movable(first.cause) or not able:
         return conditional
     candidates = list(conditional.candidates)
     elsewhere = np.array([w.log_evidence for w in nearby.candidates]) if nearby else evidence
     for k in able:
-        if all(w[k] > max(w[able]) - SETTINGS.behind for w in (elsewhere, evidence)):
+        if all(w[k] > max(w[able]) - SETTINGS.max_behind for w in (elsewhere, evidence)):
             candidates[k] = _together(result, first, conditional, candidates[k])
     return replace(conditional, candidates=candidates)
 
@@ -81,7 +81,7 @@ def _together(
     base, sizes = conditional.candidates[0].log_evidence, conditional.sizes
     best = second._replace(log_evidence=-np.inf)
     fit, reached = second.fit, second.log_evidence
-    for _ in range(SETTINGS.rounds):
+    for _ in range(SETTINGS.alternation_rounds):
         turned = _turned(result, fit, first.fit.grid)
         back = _turned(result, turned, second.fit.grid)
         if not np.isfinite(turned.mode.objective + back.mode.objective):
@@ -109,7 +109,7 @@ def _turned(result: Search, fit: Fitted, cells: Grid) -> Fitted:
 
 
 # places of one cause from which its modes are sought, and shares of the size's prior
-_PLACES, _SHARES = 4, (-0.5, 0.5, 1.3)
+_N_STARTS, _SIZE_SHARES = 4, (-0.5, 0.5, 1.3)
 
 
 def _screened_at_best(result: Search, causes: Sequence[Cause], point: WorkingPoint) -> Search:
@@ -146,8 +146,9 @@ def scored(result: Search, causes: Sequence[Cause] | None = None) -> Search:
         result = _screened_at_best(result, causes, point)
     screened = np.array([w.log_evidence for w in result.candidates])
     weight = screened + np.log(prior_of(result.candidates))
-    order = np.argsort(-weight)[: SETTINGS.most_compared]
-    probable = {0, *(int(k) for k in order if weight[k] > weight[order[0]] - SETTINGS.behind)}
+    order = np.argsort(-weight)[: SETTINGS.max_compared]
+    least = weight[order[0]] - SETTINGS.max_behind
+    probable = {0, *(int(k) for k in order if weight[k] > least)}
     exact = {k: _log_evidence(result, result.candidates[k]) for k in sorted(probable)}
     exact = {k: value for k, value in exact.items() if np.isfinite(value)}
     if 0 not in exact:
@@ -194,7 +195,7 @@ def _sized(result: Search, w: Candidate) -> tuple[MeasuredModel, FloatArray]:
     starts = z[None]
     if len(grid.nodes):
         log_evidence = result.context.evidence_of_nodes(w.fit, result.sizes)
-        best = np.argsort(-(log_evidence - grid.log_weight))[:_PLACES]
+        best = np.argsort(-(log_evidence - grid.log_weight))[:_N_STARTS]
         starts = np.repeat(z[None], len(best), axis=0)
         priors = [model.priors[k] for k in grid.nodes]
         starts[:, grid.nodes] = to_normal(priors, grid.points[best])
@@ -205,7 +206,7 @@ def _sized(result: Search, w: Candidate) -> tuple[MeasuredModel, FloatArray]:
     rows = dict(zip(model.columns, problem.X.T, strict=False))
     cause = Sized(w.cause, low, high, rows, slopes)
     points = []
-    for share in _SHARES:
+    for share in _SIZE_SHARES:
         size = float(np.exp(np.interp(share, [-3, 3], np.log([low, high]))))
         place = starts.copy()
         moved = place[:, grid.sizes] - grid.neutral[grid.sizes]

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy import special
 
-from hybridsurrogate.diagnosis.search.candidate import LEAST_PROBABLE, Candidate, prior_of
+from hybridsurrogate.diagnosis.search.candidate import MIN_PROBABILITY, Candidate, prior_of
 from hybridsurrogate.diagnosis.search.context import Fitted, InterruptedSearch, SearchContext
 from hybridsurrogate.diagnosis.search.exact_scores import placed_together, scored
 from hybridsurrogate.diagnosis.search.null_test import NullTest, evidence_bound, null_test
@@ -24,7 +24,7 @@ from hybridsurrogate.scoring.scores import COVERAGE_LEVEL
 
 # rows that are searched first where there are at least twice as many: 0.5 to 0.7 of the time of
 # 2,500 rows with a cause, 1.2 to 1.3 without one; the same verdicts in 16 data sets of 8 kinds
-_SAMPLE = 1000
+_N_SAMPLED_ROWS = 1000
 
 
 @dataclass(frozen=True)
@@ -159,10 +159,10 @@ def _in_a_sample(context: SearchContext, causes: Sequence[Cause]) -> Search | No
     problem = context.problem
     # of one output and normal noise
     plain = problem.working_point is None and problem.stacking is None
-    if not plain or len(problem.y) < 2 * _SAMPLE:
+    if not plain or len(problem.y) < 2 * _N_SAMPLED_ROWS:
         return None
     # a fixed sample: the search is reproducible
-    rows = np.sort(np.random.RandomState(0).choice(len(problem.y), _SAMPLE, replace=False))
+    rows = np.sort(np.random.RandomState(0).choice(len(problem.y), _N_SAMPLED_ROWS, replace=False))
     some = replace(
         problem,
         X=problem.X[rows],
@@ -187,7 +187,7 @@ def _backfitted(steps: Sequence[SearchStep], causes: Sequence[Cause]) -> list[Se
         return out
     joint = out[named[-1]]
     stale = set(named[:-1])
-    for k in named * SETTINGS.rounds:
+    for k in named * SETTINGS.alternation_rounds:
         if k not in stale:
             continue
         found = _without(out[k].chosen, joint, causes)
@@ -251,7 +251,7 @@ def _first_choice(result: Search) -> Candidate:
     first = result.candidates[result.leader]
     for w, probability in zip(result.candidates[1:], result.probability[1:], strict=True):
         assert w.cause is not None
-        likely = w.cause.concerns == "prior" and probability > LEAST_PROBABLE
+        likely = w.cause.concerns == "prior" and probability > MIN_PROBABILITY
         if likely and w is not first and draw_the_same(result, first, w):
             return w
     return first
@@ -293,7 +293,7 @@ def _look_ahead(
     order = [at, *(int(k) for k in np.argsort(-explained) if k != at)]
     named = [k for k in order if not ends_search(result.candidates[k])]
     position = {id(result.candidates[k].cause): k for k in named}
-    waiting = named[: SETTINGS.looked_ahead]
+    waiting = named[: SETTINGS.max_pair_searches]
     if (
         not ends_search(first_choice)
         # alone in its credible set
@@ -305,7 +305,7 @@ def _look_ahead(
         waiting = [at]
     elsewhere = _pairs_elsewhere(result, causes, named, nearby)
     if elsewhere:
-        within = max(elsewhere.values()) - SETTINGS.behind
+        within = max(elsewhere.values()) - SETTINGS.max_behind
         waiting = [k for k in waiting if k == at or elsewhere.get(k, np.inf) > within]
     in_doubt = len(waiting) > 1
     made: dict[int, Search] = {}
@@ -317,7 +317,7 @@ def _look_ahead(
         alone = log_prior[k] + first.log_evidence
         # where all is explained, there is nothing to place in addition to the first
         left = in_doubt or second.probability[0] < 0.5
-        within = max(values.values(), default=-np.inf) - SETTINGS.behind
+        within = max(values.values(), default=-np.inf) - SETTINGS.max_behind
         if left and alone + _evidence_of_others(second) > within:
             known = _nearby(second.problem.model, _others(causes, first), nearby)
             second = placed_together(result, first, second, known)

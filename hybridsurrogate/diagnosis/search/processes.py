@@ -12,7 +12,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from hybridsurrogate.diagnosis.search.candidate import LEAST_PROBABLE, Candidate, prior_of
+from hybridsurrogate.diagnosis.search.candidate import MIN_PROBABILITY, Candidate, prior_of
 from hybridsurrogate.diagnosis.search.context import Fitted
 from hybridsurrogate.diagnosis.search.search import Search, measured_and_other, predict_locally
 from hybridsurrogate.effects.base import Cause
@@ -66,7 +66,7 @@ def _best(result: Search, w: Candidate) -> Fitted:
     if not np.isfinite(w.fit.mode.objective):
         return w.fit
     # of expectation and maximisation
-    for _ in range(SETTINGS.rounds):
+    for _ in range(SETTINGS.alternation_rounds):
         ratios, sigma = _updated(result, w)
         model, grid, mode, _ = w.fit
         model = _with_ratios(model, ratios)
@@ -131,7 +131,7 @@ def _given_curve(result: Search) -> Search:
     out = []
     for k, (w, probability) in enumerate(zip(result.candidates, quick, strict=True)):
         # the best named cause always has its chance: data usually contain more than one fault
-        if w is process or (probability < LEAST_PROBABLE and w.cause is not None and k != best):
+        if w is process or (probability < MIN_PROBABILITY and w.cause is not None and k != best):
             out.append(w)
         elif w.cause is None:
             out.append(w._replace(log_evidence_with_remainder=process.log_evidence))
@@ -154,10 +154,10 @@ def _given_noise(result: Search, nearby: Search | None) -> Search:
         k
         for k, w in enumerate(result.candidates)
         if w.cause is not None and w.cause.changes_output and w.has_name and not w.is_estimate
-        if nearby is None or nearby.probability[k] * nearby.correlated[k] > LEAST_PROBABLE
+        if nearby is None or nearby.probability[k] * nearby.correlated[k] > MIN_PROBABILITY
     ]
     out = list(result.candidates)
-    for k in sorted(able, key=lambda k: -value[k])[: SETTINGS.most_compared]:
+    for k in sorted(able, key=lambda k: -value[k])[: SETTINGS.max_compared]:
         evidence = _with_process(result, out[k], bases)
         out[k] = out[k]._replace(log_evidence_with_noise=evidence)
     return replace(result, candidates=out)
@@ -213,10 +213,10 @@ def _of_neighbours(parts: Linearised, places: FloatArray, nodes: FloatArray) -> 
 
     The columns of a process are many, and change slowly with its length.
     """
-    if len(places) <= SETTINGS.lengths_with_process:
+    if len(places) <= SETTINGS.grouped_lengths:
         return parts
     density, chosen, weight = nodes - parts.log_weight, [], []
-    for group in np.array_split(np.argsort(places), SETTINGS.lengths_with_process):
+    for group in np.array_split(np.argsort(places), SETTINGS.grouped_lengths):
         mass = np.logaddexp.reduce(parts.log_weight[group])
         mean = np.logaddexp.reduce(nodes[group]) - mass
         chosen.append(group[np.argmin(np.abs(density[group] - mean))])

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hybridsurrogate.diagnosis.search.candidate import (
-    LEAST_PROBABLE,
+    MIN_PROBABILITY,
     NAMELESS,
     Candidate,
     prior_odds,
@@ -130,9 +130,9 @@ def _once(context: SearchContext, model: MeasuredModel, grid: Grid, null: Fitted
     better = best_of_global_starts(*args, grid, null.mode.z, mode.z, NEGLIGIBLE * null.sigma)
     if better is not None:
         mode = context.optimise(model, grid, better, sigma)
-    for _ in range(SETTINGS.looks):
+    for _ in range(SETTINGS.probing_rounds):
         before, sigma = sigma, context.noise_of(mode, sigma)
-        if not sigma < SETTINGS.much_closer * before:
+        if not sigma < SETTINGS.refit_noise_ratio * before:
             break
         # kept at the priors by the noise of a poor fit, an optimisation ends short of a good one
         mode = context.optimise(model, grid, mode.z, sigma)
@@ -156,13 +156,13 @@ def _far_behind(
     # could not be followed at all gets its other starting points, too
     of_any_shape = [any(e.kind == "unexplained" for e in fit.model.effects[-1:]) for fit in fits]
     weight = np.where(np.isfinite(reached), reached + log_prior, -np.inf)
-    enough = float(np.max(weight[~np.array(of_any_shape)], initial=-np.inf)) - SETTINGS.behind
+    enough = float(np.max(weight[~np.array(of_any_shape)], initial=-np.inf)) - SETTINGS.max_behind
     behind = weight < enough
     for k in map(int, np.flatnonzero(behind & np.isfinite(reached))):
         if len(fits[k].grid.nodes):
             missed = _between_nodes(context, fits[k], scans[k], sizes)
             # what gains so much without an optimisation may gain as much again by one
-            behind[k] = weight[k] + missed < enough and missed < SETTINGS.behind
+            behind[k] = weight[k] + missed < enough and missed < SETTINGS.max_behind
     return np.where(behind & np.isfinite(reached), reached, np.nan)[1:], enough
 
 
@@ -172,8 +172,8 @@ def _between_nodes(
     """Return how many nats more a finer grid around the best nodes reaches, not optimised."""
     density = nodes - fit.grid.log_weight
     coarse = float(density.max())
-    for _ in range(SETTINGS.looks):
-        index = np.argsort(-density)[: SETTINGS.looked_between]
+    for _ in range(SETTINGS.probing_rounds):
+        index = np.argsort(-density)[: SETTINGS.probed_nodes]
         best = fit.grid.at(index)
         finer = refine(fit.model, best, density[index] + best.log_weight)
         if finer is best:
@@ -342,7 +342,7 @@ def _climbed(result: Search) -> Search:
     high.
     """
     out = list(result.candidates)
-    for k in map(int, np.flatnonzero(result.probability > LEAST_PROBABLE)):
+    for k in map(int, np.flatnonzero(result.probability > MIN_PROBABILITY)):
         cause = out[k].cause
         if cause is None or cause.is_correlated_noise or is_followed(cause):
             continue
@@ -373,7 +373,7 @@ def _within_reach(nearby: Search, causes: Sequence[Cause]) -> NDArray[np.intp]:
         log_share = np.log(nearby.probability[1:])
     best = np.max(log_share, initial=-np.inf)
     always = np.array([cause.is_process or cause.is_correlated_noise for cause in causes])
-    return np.flatnonzero(always | (log_share > best - SETTINGS.behind))
+    return np.flatnonzero(always | (log_share > best - SETTINGS.max_behind))
 
 
 def _compare(
@@ -395,7 +395,7 @@ def _compare(
 
 # two explanations are the same to the measured rows if they are less than so many nats apart, and
 # less than this share of how far either is from nothing wrong
-_SAME, _OF_EFFECT = 0.5, 0.02
+_SAME_NATS, _SAME_SHARE = 0.5, 0.02
 
 
 class Local(NamedTuple):
@@ -522,7 +522,7 @@ def draw_the_same(result: Search, one: Candidate, other: Candidate) -> bool:
     trend and a drift of the slope of a line, or noise that grows and an input in error.
     """
     first, second, nothing = (predicted_rows(result, w) for w in (one, other, result.candidates[0]))
-    return _divergence(first, second) < min(_SAME, _OF_EFFECT * _divergence(first, nothing))
+    return _divergence(first, second) < min(_SAME_NATS, _SAME_SHARE * _divergence(first, nothing))
 
 
 def _divergence(one: tuple[FloatArray, FloatArray], other: tuple[FloatArray, FloatArray]) -> float:

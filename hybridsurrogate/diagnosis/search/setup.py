@@ -127,8 +127,7 @@ def prepare(
 def _best_draw(fitted: PowerScaledSurrogate, problem: Problem) -> FloatArray:
     """Return the parameters of that draw of the posterior that fits best, as z (1, n)."""
     posterior = fitted.posterior_
-    n = posterior.n_draws
-    some = posterior.take(np.unique(np.linspace(0, n - 1, min(n, FEW_DRAWS)).astype(int)))
+    some = posterior.thinned(FEW_DRAWS)
     # a draw for which the simulation fails is far off
     with np.errstate(over="ignore", invalid="ignore"):
         precision = problem.weights / problem.model.known_noise(problem.X) ** 2

@@ -22,8 +22,10 @@ from hybridsurrogate.diagnosis.search.null_test import NullTest, evidence_at_nul
 from hybridsurrogate.diagnosis.search.search import Search
 from hybridsurrogate.effects.base import Cause
 from hybridsurrogate.inference.evidence.grid import Grid, make_grid, with_cells
+from hybridsurrogate.inference.evidence.levenberg_marquardt import REACH_SD
 from hybridsurrogate.inference.evidence.linearised import Linearised, linearised_pieces
 from hybridsurrogate.model.observation import MeasuredModel
+from hybridsurrogate.model.posterior import FEW_DRAWS
 from hybridsurrogate.numerics.linear_algebra import LARGE_BLOCK, blocks
 from hybridsurrogate.types import FloatArray
 
@@ -101,14 +103,10 @@ def output_of(parts: Linearised, z: FloatArray) -> FloatArray:
     return np.asarray(parts.mean + parts.G[:, :, : len(z)] @ z)
 
 
-# draws of a cause's shape at a place
-_SHAPES = 256
 # parameters that follow more of a curve than this leave nothing to detect
-_LEAST_LEFT = 0.1
-# how far a parameter is moved at most, in standard deviations of its prior
-_FURTHEST = 3.0
+_MIN_LEFT_SHARE = 0.1
 # of a shape that has its size: how near, on a logarithmic scale, it has to be, before it is scaled
-_NEAR = 0.3
+_SIZE_TOLERANCE = 0.3
 
 
 class Shapes(NamedTuple):
@@ -181,15 +179,15 @@ def shapes_of(place: Place, cause: Cause, random: np.random.RandomState) -> Shap
 def _drawn(model: MeasuredModel, grid: Grid, random: np.random.RandomState) -> Grid:
     """Return the grid with draws of its coordinates from their prior in place of its nodes."""
     weight = np.exp(grid.log_weight - np.logaddexp.reduce(grid.log_weight))
-    index = random.choice(len(weight), _SHAPES, p=weight / weight.sum())
+    index = random.choice(len(weight), FEW_DRAWS, p=weight / weight.sum())
     cells, points = grid.edges[index], grid.points[index]
     for k, position in enumerate(grid.nodes if not grid.exact else ()):
         prior = model.priors[position]
         below, above = prior.cdf(cells[:, k, 0]), prior.cdf(cells[:, k, 1])
-        within = prior.ppf(below + (above - below) * random.uniform(size=_SHAPES))
+        within = prior.ppf(below + (above - below) * random.uniform(size=FEW_DRAWS))
         points[:, k] = np.clip(within, cells[:, k, 0], cells[:, k, 1])
     edges = np.repeat(points[:, :, None], 2, axis=2)
-    return with_cells(grid, edges, np.full(_SHAPES, -np.log(_SHAPES)))
+    return with_cells(grid, edges, np.full(FEW_DRAWS, -np.log(FEW_DRAWS)))
 
 
 def _shapes(
@@ -209,7 +207,7 @@ def _shapes(
     if not q and not cause.touches_simulation:
         # noise alone: a shape has its contrast, and may be scaled a little
         contrast = np.max(own, axis=1) / np.min(own, axis=1) - 1
-        near = np.exp([-_NEAR, _NEAR])
+        near = np.exp([-_SIZE_TOLERANCE, _SIZE_TOLERANCE])
         zero = np.zeros((k, n))
         return Shapes(zero, own, contrast * near[0], contrast * near[1], weight, False)
     moved = np.broadcast_to(output - place.output, (k, n))
@@ -218,15 +216,15 @@ def _shapes(
     left = place.left_of(curves)
     size = np.sqrt(np.mean(left**2, axis=1))
     raw = np.sqrt(np.mean((curves / place.noise) ** 2, axis=1))
-    valid = np.isfinite(size) & (size > _LEAST_LEFT * raw) & (size > 0)
+    valid = np.isfinite(size) & (size > _MIN_LEFT_SHARE * raw) & (size > 0)
     unit = np.where(valid, size, 1.0)
     if q:
-        # a parameter moves within its prior
+        # a parameter moves within its prior, as far as searches start
         with np.errstate(divide="ignore"):
-            reach = _FURTHEST * np.min(parts.cap / np.abs(direction), axis=1)
+            reach = REACH_SD * np.min(parts.cap / np.abs(direction), axis=1)
         largest = reach * unit
     else:
-        smallest, largest = unit * np.exp(-_NEAR), unit * np.exp(_NEAR)
+        smallest, largest = unit * np.exp(-_SIZE_TOLERANCE), unit * np.exp(_SIZE_TOLERANCE)
     curves = np.where(valid[:, None], curves, 0.0) / unit[:, None]
     factors = np.ones((k, n)) if cause.is_process else own
     return Shapes(curves, factors, smallest, largest, weight * valid, False)

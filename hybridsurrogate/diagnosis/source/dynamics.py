@@ -13,7 +13,7 @@ from hybridsurrogate.diagnosis.source.parts import (
     call_values_of,
 )
 from hybridsurrogate.diagnosis.source.text import call, definition, keywords, text_of, tuple_of
-from hybridsurrogate.ode.steps import FEWEST
+from hybridsurrogate.ode.steps import MIN_STEPS
 
 # methods of the module by those of the simulator; others are scipy's own
 _METHODS = {"rk4": "DOP853", "rosenbrock": "Radau"}
@@ -41,7 +41,7 @@ def dynamics(model: ExtendedModel, parts: SourceParts) -> list[str]:
     # a step of "rk4" resolves what happens; one of a higher order sees as much in four
     most = 4 * ode.step if ode.method == "rk4" else ode.max_step
     # a sudden change must not be stepped over
-    step = min(most, ode.span / FEWEST)
+    step = min(most, ode.span / MIN_STEPS)
     parts.constants += [
         "# the dynamics",
         f"STATES = {tuple_of(ode.states)}",

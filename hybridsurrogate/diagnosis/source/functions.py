@@ -17,7 +17,7 @@ from hybridsurrogate.diagnosis.source.parts import (
     placeholders,
 )
 from hybridsurrogate.diagnosis.source.text import (
-    WIDTH,
+    LINE_WIDTH,
     call,
     definition,
     dict_of,
@@ -69,7 +69,7 @@ def _does(part: SourcePart, parts: SourceParts) -> str:
     }
     text = inline(said[code.name if code.does == "scatters" else code.does])
     # a name that is too long stands in the docstring of the module
-    return text if len(text) <= WIDTH - 10 else f"{text.partition(': ')[0].rstrip('.')}."
+    return text if len(text) <= LINE_WIDTH - 10 else f"{text.partition(': ')[0].rstrip('.')}."
 
 
 def extended_function(model: ExtendedModel, parts: SourceParts) -> str:
@@ -109,7 +109,7 @@ def _explained(model: ExtendedModel, parts: SourceParts) -> list[str]:
         for one, name, _ in parts.own
     ]
     text.append(f"Measured columns: {columns}. All else has its estimate as default.")
-    return [f"    {line}" for each in text for line in textwrap.wrap(inline(each), WIDTH - 4)]
+    return [f"    {line}" for each in text for line in textwrap.wrap(inline(each), LINE_WIDTH - 4)]
 
 
 def _moves(parts: SourceParts, now: dict[str, str]) -> list[str]:

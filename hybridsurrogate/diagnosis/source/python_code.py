@@ -19,7 +19,7 @@ from hybridsurrogate.diagnosis.source.parts import (
     SourceParts,
     own_arguments,
 )
-from hybridsurrogate.diagnosis.source.text import WIDTH, inline
+from hybridsurrogate.diagnosis.source.text import LINE_WIDTH, inline
 from hybridsurrogate.estimators.averaged import AveragedSurrogate, leading
 from hybridsurrogate.model.posterior import Posterior
 from hybridsurrogate.model.rows.stacking import Stacking
@@ -52,7 +52,7 @@ def docstring(model: ExtendedModel, parts: SourceParts) -> str:
         "Its defaults are posterior means, with 90 % intervals; in brackets are units, where a "
         "name stands for the unit of what it names."
     )
-    lines = [line for each in text for line in [*textwrap.wrap(inline(each), WIDTH), ""]]
+    lines = [line for each in text for line in [*textwrap.wrap(inline(each), LINE_WIDTH), ""]]
     if lines.index("") > 1:  # the first is no longer than a line
         lines = [f"An extension of {inline(model.name)[:60]}.", "", *lines]
     if parts.estimates:
@@ -66,7 +66,7 @@ def docstring(model: ExtendedModel, parts: SourceParts) -> str:
         ]
         lines += [f"    from {module} import {name}" for name, module in model.functions]
         lines += ["", f"    extended({', '.join([*given, *parts.columns.values()])})", ""]
-    lines += [*textwrap.wrap(inline(model.written_by), WIDTH), ""] if model.written_by else []
+    lines += [*textwrap.wrap(inline(model.written_by), LINE_WIDTH), ""] if model.written_by else []
     return '"""' + "\n".join(lines[:-1]).rstrip('"') + '\n"""'
 
 

@@ -16,9 +16,7 @@ from hybridsurrogate.numerics.digits import interval
 from hybridsurrogate.types import FloatArray
 
 # of a line of code: a choice of presentation
-WIDTH = 88
-# digits of a default beyond those of its interval: rounding is no part of the error
-_DIGITS = 6
+LINE_WIDTH = 88
 # what modules call things themselves, and what is hard to read
 RESERVED = re.findall(
     r"\w+",
@@ -98,7 +96,8 @@ def estimate(draws: FloatArray) -> tuple[str, str]:
     low, high = (float(end) for end in np.quantile(draws, [0.05, 0.95]))
     if not high > low:
         return text_of(mean), ""
-    digits = min(digits_at(mean, high - low, _DIGITS), 17)
+    # six digits beyond those of its interval: rounding is no part of the error
+    digits = min(digits_at(mean, high - low, 6), 17)
     ends = re.search(r"\((.*)\)", interval(mean, low, high))
     return text_of(float(f"{mean:.{digits}g}")), f"90 %: {ends.group(1)}" if ends else ""
 
@@ -108,7 +107,7 @@ def array_of(name: str, values: FloatArray) -> list[str]:
     wrapped = []
     for row in np.atleast_2d(values):
         text = ", ".join(repr(float(f"{value:.6g}")) for value in row)
-        lines = textwrap.wrap(text, WIDTH - 8)
+        lines = textwrap.wrap(text, LINE_WIDTH - 8)
         wrapped += [f"    [{lines[0]}", *(f"     {line}" for line in lines[1:])]
         wrapped[-1] += "],"
     flat = [] if np.ndim(values) == 2 else [""]
@@ -119,7 +118,7 @@ def array_of(name: str, values: FloatArray) -> list[str]:
 def definition(name: str, arguments: Sequence[str]) -> str:
     """Return the first line of a function, or its lines where it is long."""
     line = f"def {name}({', '.join(arguments)}):"
-    if len(line) <= WIDTH:
+    if len(line) <= LINE_WIDTH:
         return line
     return "\n".join([f"def {name}(", *(f"    {one}," for one in arguments), "):"])
 
@@ -128,10 +127,10 @@ def call(name: str, arguments: Sequence[str], before: str = "", indent: int = 4)
     """Return a line that calls a function, over several lines where it is long."""
     space = " " * indent
     line = f"{space}{before}{name}({', '.join(arguments)})"
-    if len(line) <= WIDTH:
+    if len(line) <= LINE_WIDTH:
         return line
     inside = f"{space}    {', '.join(arguments)}"
-    if len(inside) <= WIDTH and not any(one.startswith("*") for one in arguments):
+    if len(inside) <= LINE_WIDTH and not any(one.startswith("*") for one in arguments):
         return "\n".join([f"{space}{before}{name}(", inside, f"{space})"])
     return "\n".join(
         [f"{space}{before}{name}(", *(f"{space}    {one}," for one in arguments), f"{space})"]

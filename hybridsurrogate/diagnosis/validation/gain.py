@@ -15,8 +15,8 @@ from hybridsurrogate.numerics import digits
 from hybridsurrogate.scoring.scores import COVERAGE_LEVEL
 from hybridsurrogate.types import FloatArray
 
-# level of the narrower of two intervals whose coverage is shown: a choice of presentation
-HALF = 0.5
+# of the narrower of two intervals whose coverage is shown: a choice of presentation
+INNER_LEVEL = 0.5
 _HEADER = ("", "before", "after", "difference")
 
 
@@ -141,7 +141,7 @@ class HeldOutGain:
         ]
         shares = (
             (COVERAGE_LEVEL, self.coverage_before, self.coverage_after, self.coverage_error),
-            (HALF, self.half_before, self.half_after, self.half_error),
+            (INNER_LEVEL, self.half_before, self.half_after, self.half_error),
         )
         for level, before, after, error in shares:
             points = digits.fixed(100 * (after - before), 0)
@@ -197,7 +197,7 @@ def pointwise(
 
     Of what was measured; of several outputs errors in shares of the output's spread.
     """
-    inside, half = estimator.interval_holds(X, y, (COVERAGE_LEVEL, HALF), y_err)
+    inside, half = estimator.interval_holds(X, y, (COVERAGE_LEVEL, INNER_LEVEL), y_err)
     y = np.asarray(y, dtype=float)
     error, weight = y - estimator.predict(X), np.ones(len(y)) if weights is None else weights
     # a value at a limit stands for all beyond it

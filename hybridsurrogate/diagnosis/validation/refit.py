@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
@@ -31,11 +30,8 @@ from hybridsurrogate.estimators.power_scaled import (
     as_causes,
     prepared,
 )
-from hybridsurrogate.exceptions import HybridSurrogateWarning
-from hybridsurrogate.inference.sampling.ensembles import EnsembleSampler
 from hybridsurrogate.model.posterior import FEW_DRAWS
 from hybridsurrogate.model.problem import Problem
-from hybridsurrogate.numerics.psis import KHAT_LIMIT
 from hybridsurrogate.simulation.outputs import OUTPUT, AllOutputs
 from hybridsurrogate.simulation.simulator import Simulator
 from hybridsurrogate.types import FloatArray
@@ -101,10 +97,6 @@ def excluded_rows(search: Search, w: Candidate) -> tuple[GrossRow, ...]:
     )
 
 
-# enough for scores whose own standard error is that of a handful of rows
-FOLD_DRAWS, FOLD_STEPS = 400, 1000
-
-
 class Pair(NamedTuple):
     """The models before and after, fitted to the same rows, and what the search chose."""
 
@@ -142,9 +134,8 @@ class Refit:
         y_err: FloatArray | None = None,
     ) -> Pair:
         """Return the models before and after for these rows."""
-        draws = min(int(self.estimator.n_draws), FOLD_DRAWS)
-        task = prepared(clone(self.estimator).set_params(n_draws=draws), X, y, weights, y_err)
-        before = quickly_fitted(task, self.fitted.before)
+        task = prepared(clone(self.estimator), X, y, weights, y_err)
+        before = coarsely_fitted(task, self.fitted.before)
         settings = self.settings
         setup = prepare(before, settings.causes, settings.exclude, settings.max_causes)
         basis = self.found[0].problem.model.basis
@@ -164,16 +155,15 @@ class Refit:
         kind = in_one_word([step.chosen.kind for step in steps])
         if not accepted(steps):
             return Pair(before, before, kind)
-        found, known = accepted(steps), as_causes(self.estimator.effects)
+        known = as_causes(self.estimator.effects)
         # the extensions that were fitted to all rows, by the causes in them
         after = self.fitted.after
         models = after.estimators_ if isinstance(after, AveragedSurrogate) else []
         elsewhere = {_forms(added_causes(one, self.estimator)): one for one in models}
 
         def fitted(causes: tuple[Cause, ...]) -> PowerScaledSurrogate:
-            fit = quickly_fitted if causes == found else coarsely_fitted
             extended = task.with_effects((*known, *with_rows(causes, steps)))
-            return fit(extended, elsewhere.get(_forms(causes)))
+            return coarsely_fitted(extended, elsewhere.get(_forms(causes)))
 
         return Pair(before, averaged_over(steps, before, fitted), kind)
 
@@ -182,42 +172,20 @@ def _forms(causes: Sequence[Cause]) -> tuple[tuple[str, str], ...]:
     return tuple((cause.name, cause.variant) for cause in causes)
 
 
-def quickly_fitted(task: FitTask, near: PowerScaledSurrogate | None = None) -> PowerScaledSurrogate:
-    """Fit by importance draws; by the ensemble only where these are not to be trusted.
-
-    An ensemble that smooths trusted draws of several modes is worth its time in a model that is
-    kept, not in one of many folds. Its proposals are those of ``near``, fitted to all rows, if
-    these serve.
-    """
-    if task.estimator.sampler != "auto":
-        return task.fit()
-    known = fitted_near(task, near) if near is not None else None
-    if known is not None:
-        return known
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", HybridSurrogateWarning)
-        quick = task.with_settings(sampler="importance").fit()
-    if quick.diagnostics_.khat <= KHAT_LIMIT:
-        return quick
-    # an ensemble that has not converged by then warns
-    return task.with_settings(sampler=EnsembleSampler(max_steps=FOLD_STEPS)).fit()
-
-
 def coarsely_fitted(
     task: FitTask, near: PowerScaledSurrogate | None = None
 ) -> PowerScaledSurrogate:
-    """Fit one of several models that are averaged by importance draws, trusted or not.
+    """Fit one of many models by few importance draws, trusted or not.
 
     Where these were not to be trusted, predictions beyond the data were 0.04 standard deviations
     from those of a long ensemble; those of an ensemble of 1000 steps, which takes 15 times as long,
-    0.12.
+    0.12. The proposals are those of ``near``, fitted to all rows, if these serve.
     """
-    one = task.estimator
+    one, is_auto = task.estimator, task.estimator.sampler == "auto"
     task = task.with_settings(
-        n_draws=min(int(one.n_draws), FEW_DRAWS),
-        sampler="importance" if one.sampler == "auto" else one.sampler,
+        n_draws=min(int(one.n_draws), FEW_DRAWS), sampler="importance" if is_auto else one.sampler
     )
-    known = fitted_near(task, near) if near is not None else None
+    known = fitted_near(task, near) if near is not None and is_auto else None
     return task.fit() if known is None else known
 
 

@@ -182,7 +182,7 @@ register(
 
 
 # of the steps of "rk4", at least 400 in the range of time, an exchange takes half of one or more
-_MOST_RATES = 800
+_MAX_RATES = 800
 
 
 class DynamicStore(_OfState):
@@ -247,7 +247,7 @@ class DynamicStore(_OfState):
     def prepare(self, context: Context) -> Cause:
         """Fill in the priors from the measured times and the size of the state."""
         size, axis = self.size_of(context, self.state), context.axis(context.inputs[0])
-        shortest = max(axis.spacing / 4, axis.span / _MOST_RATES)
+        shortest = max(axis.spacing / 4, axis.span / _MAX_RATES)
         defaults = {
             # 95 % of the stores are between a twentieth and twenty times the state's
             "ratio": frozen(stats.lognorm, 1.5),

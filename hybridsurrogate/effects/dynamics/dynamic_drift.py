@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy import stats
 
-from hybridsurrogate.effects.base import Cause, Context, FloatArray, quantiles
+from hybridsurrogate.effects.base import USUAL_CHANGE, Cause, Context, FloatArray, quantiles
 from hybridsurrogate.effects.context import period_nodes
 from hybridsurrogate.effects.dynamics.dynamic import NEEDS_ODE, Dynamic
 from hybridsurrogate.effects.expressions import Code
@@ -18,8 +18,8 @@ from hybridsurrogate.priors import frozen, prior_sd, truncated_normal
 from hybridsurrogate.types import Prior
 
 _NODES = {"location": 20, "width": 4, "duration": 4}
-# halving and doubling are ordinary, but not of what is known to a per cent
-_LARGEST_CHANGE, _CHANGE_PER_DOUBT = 0.7, 3.0
+# of what is known to a per cent halving and doubling are not ordinary: in units of its prior
+_CHANGE_PER_DOUBT = 3.0
 
 # what formulas have instead: a step in the dynamics is as steep as the solver resolves
 _SHOWN = {
@@ -203,7 +203,7 @@ def _ordinary_change(context: Context, name: str) -> float:
     prior = context.parameters.get(name) or context.assumed[name].prior
     low, middle, high = prior.ppf([0.16, 0.5, 0.84])
     relative = (high - low) / 2 / abs(middle) if middle else np.inf
-    return float(min(_LARGEST_CHANGE, _CHANGE_PER_DOUBT * relative))
+    return float(min(USUAL_CHANGE, _CHANGE_PER_DOUBT * relative))
 
 
 def _inside(shape: str) -> Callable[[Context], Iterator[Cause]]:

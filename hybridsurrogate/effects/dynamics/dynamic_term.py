@@ -16,11 +16,11 @@ from hybridsurrogate.effects.over_column import OverExperiments
 from hybridsurrogate.effects.registry import Form, needs, register
 from hybridsurrogate.ode.dynamics import MissingTerm
 from hybridsurrogate.priors import frozen
-from hybridsurrogate.simulation.variables import MOST_LEVELS
+from hybridsurrogate.simulation.variables import MAX_LEVELS
 from hybridsurrogate.types import Prior
 
 # a level in the middle of the state's range leaves about a quarter of it above
-_OF_WHAT_IS_ABOVE = 4.0
+_THRESHOLD_FACTOR = 4.0
 # what formulas have instead: a power without its sign, a wave with an unknown phase
 _SHOWN = {
     "seasonal": "{amplitude} * np.sin(2 * np.pi * {t} / {period} + {phase})",
@@ -150,7 +150,7 @@ class DynamicTerm(Dynamic):
         swing = np.pi * size / float(period.median())
         rate = 1 / axis.span * (size if self.form in ("constant", "saturating") else 1.0)
         if self.form == "threshold":
-            rate *= _OF_WHAT_IS_ABOVE
+            rate *= _THRESHOLD_FACTOR
         if self.other is not None:
             rate /= self.size_of(context, self.other)
         defaults = {
@@ -399,7 +399,7 @@ def _of_states_by_experiment(context: Context) -> Iterator[Cause]:
     if column is None or not set(context.by_experiment) & set(context.rates):
         return
     # with more experiments a rate that they share predicts nearly as well
-    if len(np.unique(context.X[column])) > MOST_LEVELS:
+    if len(np.unique(context.X[column])) > MAX_LEVELS:
         return
     for state in context.states:
         yield TermByExperiment(state, column, labels=context.names.get(column))

@@ -8,18 +8,20 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import stats
 
-from hybridsurrogate.effects.base import STANDARD, Cause, Context, FloatArray, Rows, quantiles
+from hybridsurrogate.effects.base import UNIT_SD, Cause, Context, FloatArray, Rows, quantiles
 from hybridsurrogate.effects.context import UNKNOWN, Axis
 from hybridsurrogate.effects.expressions import Code
 from hybridsurrogate.effects.over_column import OverColumn
 from hybridsurrogate.effects.registry import Form, register
+from hybridsurrogate.numerics.hilbert import BOUNDARY
 from hybridsurrogate.priors import frozen
 from hybridsurrogate.types import Prior
 
-# pairs of waves, and their longest period on the column scaled to [-1, 1]: half of what it leaves
-# between the ends of the rows is more than two of the longest correlation lengths
-_PAIRS, _PERIOD = 30, 3.0
-_EDGE = _PERIOD / 2
+# pairs of waves
+_N_PAIRS = 30
+# and their longest period on the column scaled to [-1, 1]: half of what it leaves between the ends
+# of the rows is more than two of the longest correlation lengths
+_LONGEST_PERIOD = 2 * BOUNDARY
 
 
 @dataclass(eq=False, repr=False)
@@ -67,10 +69,10 @@ class Autocorrelation(OverColumn):
     )
     unknowns = ("length", "amplitude")
     is_process = True
-    coefficient_sd = STANDARD
+    coefficient_sd = UNIT_SD
     coefficients = (
         "constant",
-        *(f"{wave}_{k}" for k in range(1, _PAIRS + 1) for wave in ("cos", "sin")),
+        *(f"{wave}_{k}" for k in range(1, _N_PAIRS + 1) for wave in ("cos", "sin")),
     )
     variant = "autocorrelation"
     # the simulation is right
@@ -104,18 +106,18 @@ class Autocorrelation(OverColumn):
     def factors(self, X: Rows, theta: Rows) -> tuple[FloatArray, FloatArray]:
         """Return constant, cosines and sines, and the root of the variance of each wave."""
         # beyond the period's middle the waves would come back to the rows at the other end
-        scaled = np.clip(self.scaled(X), -_EDGE, _EDGE)
-        frequency = 2 * np.pi / _PERIOD * np.arange(_PAIRS + 1)
+        scaled = np.clip(self.scaled(X), -BOUNDARY, BOUNDARY)
+        frequency = 2 * np.pi / _LONGEST_PERIOD * np.arange(_N_PAIRS + 1)
         # powers of the first wave: cosine and sine of one angle a row give all of them
         first = np.exp(1j * scaled * frequency[1])
-        waves = np.cumprod(np.broadcast_to(first[:, None], (len(first), _PAIRS)), axis=1)
-        of_rows = np.empty((len(first), 1 + 2 * _PAIRS))
+        waves = np.cumprod(np.broadcast_to(first[:, None], (len(first), _N_PAIRS)), axis=1)
+        of_rows = np.empty((len(first), 1 + 2 * _N_PAIRS))
         of_rows[:, 0], of_rows[:, 1::2], of_rows[:, 2::2] = 1.0, waves.real, waves.imag
         order = np.arange(len(frequency))
         rate = self.axis.span / (2 * np.reshape(theta["length"], (-1, 1)))
         # Fourier coefficients of exp(-rate distance) over half a period
-        cut = 1 - (-1.0) ** order * np.exp(-rate * _PERIOD / 2)
-        variance = np.where(order, 4, 2) / _PERIOD * rate / (rate**2 + frequency**2) * cut
+        cut = 1 - (-1.0) ** order * np.exp(-rate * _LONGEST_PERIOD / 2)
+        variance = np.where(order, 4, 2) / _LONGEST_PERIOD * rate / (rate**2 + frequency**2) * cut
         height = np.sqrt(variance) * np.reshape(theta["amplitude"], (-1, 1))
         return of_rows, np.hstack([height[:, :1], np.repeat(height[:, 1:], 2, axis=1)])
 

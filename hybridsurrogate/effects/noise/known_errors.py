@@ -11,8 +11,8 @@ import numpy as np
 import pandas as pd
 from scipy import stats
 
-from hybridsurrogate.effects.base import ERROR, STANDARD, Cause, Context, Declared, FloatArray, Rows
-from hybridsurrogate.effects.context import MOST_EXPERIMENTS, position_among
+from hybridsurrogate.effects.base import ERROR, UNIT_SD, Cause, Context, Declared, FloatArray, Rows
+from hybridsurrogate.effects.context import MAX_EXPERIMENTS, position_among
 from hybridsurrogate.effects.expressions import Code
 from hybridsurrogate.effects.over_column import OverExperiments
 from hybridsurrogate.exceptions import did_you_mean
@@ -25,7 +25,7 @@ from hybridsurrogate.types import Prior
 KINDS = ("added", "scaled", "known")
 # standard deviation of log sigma where sigma is fixed: samplers move in log sigma, and noise that
 # is uncertain by a thousandth changes no estimate
-_FIXED = 1e-3
+_FIXED_LOG_SD = 1e-3
 
 
 @dataclass(frozen=True)
@@ -90,7 +90,7 @@ class RowErrors:
         A factor on the errors is log-normal around one, with standard deviation 1 of its logarithm.
         """
         if self.fixes_sigma:
-            return frozen(stats.lognorm, _FIXED, scale=self.unit)
+            return frozen(stats.lognorm, _FIXED_LOG_SD, scale=self.unit)
         if self.kind == "scaled" and is_default:
             return frozen(stats.lognorm, 1.0, scale=self.unit)
         return prior
@@ -248,7 +248,7 @@ class SharedErrors(OverExperiments):
 
     kind = "shared-errors"
     about = "column"
-    coefficient_sd = STANDARD
+    coefficient_sd = UNIT_SD
     # what was measured is off
     changes_output = False
     by_output = True
@@ -455,7 +455,7 @@ class SharedErrors(OverExperiments):
     def estimates(self, theta: Rows, coefficients: Rows) -> dict[str, FloatArray]:
         """Return spreads, and the error of each value of the column unless they are many."""
         out = {name: np.asarray(theta[name]) for name in self.parameters}
-        if len(self.levels) > MOST_EXPERIMENTS:
+        if len(self.levels) > MAX_EXPERIMENTS:
             return out
         names = (*self.names_of_levels, self.another)
         for one in self._parts:

@@ -28,7 +28,7 @@ from hybridsurrogate.simulation.outputs import OUTPUT
 from hybridsurrogate.types import Prior
 
 # standard deviation of the log of a ratio: one output may be read fifty times as well as another
-_SD = 2.0
+_RATIO_SD = 2.0
 # beyond the measured rows, in spans: as far as curves of any shape go on
 _BEYOND = (hilbert.BOUNDARY - 1) / 2
 
@@ -65,7 +65,7 @@ class OutputNoise(Declared):
         """Return the ratios of the other outputs, unless they are known."""
         if self.ratios is not None:
             return {}
-        return {f"noise of {name}": frozen(stats.lognorm, _SD) for name in self.outputs[1:]}
+        return {f"noise of {name}": frozen(stats.lognorm, _RATIO_SD) for name in self.outputs[1:]}
 
     def noise(self, X: Rows, theta: Rows) -> FloatArray:
         """Return the ratio of each row's output."""
@@ -82,7 +82,7 @@ class OutputNoise(Declared):
     def log_prior(self) -> float:
         """Return the log prior density of known ratios, of their logarithms."""
         assert self.ratios is not None
-        return float(np.sum(stats.norm.logpdf(np.log(self.ratios[1:]), scale=_SD)))
+        return float(np.sum(stats.norm.logpdf(np.log(self.ratios[1:]), scale=_RATIO_SD)))
 
 
 @dataclass(eq=False, repr=False)
@@ -258,9 +258,9 @@ register(
 
 
 # an output near zero still has this share of its usual size
-_FLOOR = 0.05
+_SMALLEST_SIZE = 0.05
 # an even spread over the output reaches about this many standard deviations to either side
-_REACH = 2.0
+_REACH_SD = 2.0
 
 
 @dataclass(eq=False, repr=False)
@@ -313,7 +313,7 @@ class NoiseOfMean(Declared):
         """Fill in the usual size of the output and the prior."""
         measured = self.measured if self.measured.is_known else context.measured
         relative = measured.spread if measured.is_log else measured.spread / measured.size
-        prior = self.exponent or frozen(stats.norm, scale=max(1.0, 1 / (_REACH * relative)))
+        prior = self.exponent or frozen(stats.norm, scale=max(1.0, 1 / (_REACH_SD * relative)))
         return self.filled(exponent=prior, measured=measured)
 
     def grid(self) -> dict[str, FloatArray]:
@@ -328,7 +328,7 @@ class NoiseOfMean(Declared):
     def _log_size(self, eta: FloatArray) -> FloatArray:
         if self.measured.is_log:
             return eta - self.measured.location
-        return 0.5 * np.log((eta / self.measured.size) ** 2 + _FLOOR**2)
+        return 0.5 * np.log((eta / self.measured.size) ** 2 + _SMALLEST_SIZE**2)
 
     def estimates(self, theta: Rows, coefficients: Rows) -> dict[str, FloatArray]:
         """Return the exponent, and the factor between a usual large output and a small one.
@@ -347,7 +347,7 @@ class NoiseOfMean(Declared):
     def code(self) -> Code:
         """Return the cause as Python."""
         factor = "(({simulated} / {size}) ** 2 + {floor}**2) ** ({exponent} / 2)"
-        constants = {"size": self.measured.size, "floor": _FLOOR}
+        constants = {"size": self.measured.size, "floor": _SMALLEST_SIZE}
         if self.measured.is_log:
             factor = "np.exp({exponent} * ({simulated} - {center}))"
             constants = {"center": self.measured.location}

@@ -26,7 +26,7 @@ from hybridsurrogate.priors import frozen
 from hybridsurrogate.types import Prior
 
 # |slope| that varies by less, as a share of its mean, makes noise like any other
-_LEAST_CHANGE = 0.1
+_MIN_VARIATION = 0.1
 
 
 @dataclass(eq=False, repr=False)
@@ -131,7 +131,7 @@ def trouble(cause: Cause, context: Context) -> str | None:
         size = np.abs(_slopes_of(cause, context))
     except ValueError as error:
         return str(error).rstrip(".")
-    if np.std(size) < _LEAST_CHANGE * np.mean(size):
+    if np.std(size) < _MIN_VARIATION * np.mean(size):
         return f"the simulation is as steep over {cause.quantity} everywhere: noise like any other"
     return None
 

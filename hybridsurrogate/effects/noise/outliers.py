@@ -22,16 +22,17 @@ from hybridsurrogate.effects.base import (
     Rows,
     quantiles,
 )
+from hybridsurrogate.effects.context import MAX_TRIED_ROWS
 from hybridsurrogate.effects.expressions import Code
 from hybridsurrogate.effects.registry import Form, register
-from hybridsurrogate.likelihoods.student_t import LARGEST, SMALLEST
+from hybridsurrogate.likelihoods.student_t import NARROWEST, WIDEST
 from hybridsurrogate.numerics.digits import listing
 from hybridsurrogate.numerics.digits import number as rounded
 from hybridsurrogate.priors import frozen
 from hybridsurrogate.types import Prior
 
-# rows that are tried one by one, and rows of which pairs are: those that the simulation misses most
-MOST_ROWS, _PAIRED = 200, 12
+# rows of which pairs are tried: those that the simulation misses most
+_MAX_PAIRED_ROWS = 12
 
 
 class GrossRow(NamedTuple):
@@ -137,7 +138,7 @@ class GrossError(Declared):
         table = np.column_stack(list(context.X.values()))
         # those that the simulation misses most first
         likely = np.argsort(-np.abs(context.missed), kind="stable").tolist() or range(len(table))
-        tried = sorted(likely[: MOST_ROWS if self.n_rows == 1 else _PAIRED])
+        tried = sorted(likely[: MAX_TRIED_ROWS if self.n_rows == 1 else _MAX_PAIRED_ROWS])
         sets = np.array(list(combinations(tried, self.n_rows)), dtype=np.intp)
         return self.filled(table=table, columns_of_table=tuple(context.X), sets=sets)
 
@@ -310,8 +311,8 @@ class Outliers(Declared):
 
     def code(self) -> Code:
         """Return the cause as Python."""
-        ratio = LARGEST / SMALLEST
-        wide = f"{SMALLEST:g} * {ratio:g} ** {{random}}.random({{n}})"
+        ratio = WIDEST / NARROWEST
+        wide = f"{NARROWEST:g} * {ratio:g} ** {{random}}.random({{n}})"
         return Code(
             "{sigma} * {factor} * {random}.standard_normal({n})",
             {"share": "1"},
@@ -325,7 +326,7 @@ class Outliers(Declared):
         """Return the extended simulation in words."""
         return (
             f"simulation, and {100 * values['share']:.2g} % of the measurements scatter "
-            f"{SMALLEST:g} to {LARGEST:g} times as much as the others"
+            f"{NARROWEST:g} to {WIDEST:g} times as much as the others"
         )
 
 

@@ -18,7 +18,7 @@ from hybridsurrogate.types import Prior
 # the second parameter of the wider distribution has this largest value, as in its prior
 _LARGEST_SCATTER = 2.0
 # trials of one row that are all alike: the largest correlation
-_ALIKE = 0.999
+_LARGEST_CORRELATION = 0.999
 
 
 @dataclass(eq=False, repr=False)
@@ -85,7 +85,7 @@ class Overdispersion(Declared):
     def _scatter(self, theta: Rows) -> FloatArray:
         beyond = np.maximum(np.square(theta["ratio"]) - 1, 0.0)
         if self.trials is not None:
-            correlation = np.minimum(beyond / (self.trials - 1), _ALIKE)
+            correlation = np.minimum(beyond / (self.trials - 1), _LARGEST_CORRELATION)
             return np.asarray(np.sqrt(correlation / (1 - correlation)))
         return np.asarray(np.sqrt(beyond * np.exp(-self.measured.location)))
 

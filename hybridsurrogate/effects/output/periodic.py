@@ -24,7 +24,7 @@ from hybridsurrogate.types import Prior
 
 # more periods than this in the measured span are looked for only where a prior says so; with an
 # overtone those of the overtone
-_MOST_CYCLES, _MOST_OF_OVERTONE = 2500, 100
+_MAX_CYCLES, _MAX_OVERTONE_CYCLES = 2500, 100
 
 
 @dataclass(eq=False, repr=False)
@@ -79,10 +79,10 @@ class Periodic(OverColumn):
             raise ValueError(f"harmonics must be 1 or 2, got {self.harmonics!r}.")
         axis = self.along(context)
         if self.harmonics == 1:
-            shortest = 1 / highest_frequency(axis.rows, _MOST_CYCLES)
+            shortest = 1 / highest_frequency(axis.rows, _MAX_CYCLES)
         else:
             n = max(len(axis.rows), 4)
-            shortest = 2 * axis.span * max(2.0 / (n - 1), 1.0 / _MOST_OF_OVERTONE)
+            shortest = 2 * axis.span * max(2.0 / (n - 1), 1.0 / _MAX_OVERTONE_CYCLES)
         period = self.period or frozen(stats.loguniform, shortest, LONGEST_PERIOD * axis.span)
         return self.filled(axis=axis, period=period)
 

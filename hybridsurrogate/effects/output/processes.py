@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy import stats
 
 from hybridsurrogate.effects.base import (
-    STANDARD,
+    UNIT_SD,
     Cause,
     Context,
     Declared,
@@ -202,10 +202,10 @@ register(
 
 
 # an experiment with fewer places along the column has an offset, and no curve
-_LEAST_PLACES = 4
+_MIN_PLACES = 4
 # waves of each curve: enough for the shortest length, 0.3 of half the span (Riutort-Mayol et al.
 # 2023, Statistics and Computing 33:17, eq. 17: 1.75 * 1.5 / 0.3)
-_N_WAVES, _SHORTEST = 10, 0.15
+_N_WAVES, _SHORTEST_LENGTH = 10, 0.15
 
 
 @dataclass(eq=False, repr=False)
@@ -250,7 +250,7 @@ class CurveByExperiment(OverColumn):
     kind = "curve-by-experiment"
     unknowns = ("length", "amplitude")
     is_process = True
-    coefficient_sd = STANDARD
+    coefficient_sd = UNIT_SD
 
     column: str
     by: str
@@ -287,7 +287,7 @@ class CurveByExperiment(OverColumn):
         return self.filled(
             axis=axis,
             levels=self.levels or experiments,
-            length=self.length or frozen(stats.loguniform, _SHORTEST * axis.span, axis.span),
+            length=self.length or frozen(stats.loguniform, _SHORTEST_LENGTH * axis.span, axis.span),
             amplitude=self.amplitude or frozen(stats.loguniform, 0.003 * scale, scale),
         )
 
@@ -354,10 +354,10 @@ def _trouble(cause: Cause, context: Context) -> str | None:
     assert isinstance(cause, CurveByExperiment)
     places, experiments = context.column(cause.column), context.column(cause.by)
     most = max(len(np.unique(places[experiments == e])) for e in np.unique(experiments))
-    if most < _LEAST_PLACES:
+    if most < _MIN_PLACES:
         return (
             f"an experiment has {most} distinct values of {cause.column} at most; "
-            f"{_LEAST_PLACES} are needed"
+            f"{_MIN_PLACES} are needed"
         )
     return None
 
@@ -443,7 +443,7 @@ class Remainder(Declared):
     """
 
     kind = "remainder"
-    coefficient_sd = STANDARD
+    coefficient_sd = UNIT_SD
     is_learned = False
 
     size: float

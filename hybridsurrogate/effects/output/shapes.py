@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy import stats
 
 from hybridsurrogate.effects.base import Act, Cause, Context, FloatArray, Forms, Rows
-from hybridsurrogate.effects.context import MOST_GAPS, UNKNOWN, Axis
+from hybridsurrogate.effects.context import MAX_TRIED_ROWS, UNKNOWN, Axis
 from hybridsurrogate.effects.expressions import Code
 from hybridsurrogate.effects.over_column import FromOrigin, Located
 from hybridsurrogate.effects.registry import Form, needs, over_columns, over_inputs, register
@@ -485,8 +485,10 @@ class Step(Located):
 
     def grid(self) -> dict[str, FloatArray]:
         """Return the gaps between neighbouring rows; of many rows two locations a distance."""
-        many = len(self.axis.rows) > MOST_GAPS
-        return {"location": self.locations(200) if many else self.axis.gaps(self.location)}
+        many = len(self.axis.rows) > MAX_TRIED_ROWS
+        return {
+            "location": self.locations(MAX_TRIED_ROWS) if many else self.axis.gaps(self.location)
+        }
 
     def columns(self, X: Rows, theta: Rows) -> FloatArray:
         """Return 0 before and 1 from the location on, or -1 before and 0 from there on."""

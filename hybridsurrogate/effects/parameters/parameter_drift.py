@@ -20,7 +20,13 @@ from hybridsurrogate.effects.base import (
     of_wave,
     quantiles,
 )
-from hybridsurrogate.effects.context import LONGEST_PERIOD, MOST_GAPS, UNKNOWN, Axis, period_nodes
+from hybridsurrogate.effects.context import (
+    LONGEST_PERIOD,
+    MAX_TRIED_ROWS,
+    UNKNOWN,
+    Axis,
+    period_nodes,
+)
 from hybridsurrogate.effects.expressions import Code
 from hybridsurrogate.effects.registry import Form, register
 from hybridsurrogate.likelihoods.base import MAX_ETA
@@ -28,7 +34,7 @@ from hybridsurrogate.priors import frozen, prior_sd
 from hybridsurrogate.types import Prior
 
 # the simulation runs at every period that is tried
-_MOST_CYCLES = 25
+_MAX_CYCLES = 25
 
 
 class _Shape(NamedTuple):
@@ -184,7 +190,7 @@ class ParameterDrift(Declared):
             size /= span
         if _SHAPES[self.shape].multiplies:
             size /= abs(float(prior.ppf(0.5)))
-        shortest = float(np.clip(4 * spacing, span / _MOST_CYCLES, span))
+        shortest = float(np.clip(4 * spacing, span / _MAX_CYCLES, span))
         defaults: dict[str, dict[str, Prior]] = {
             "linear": {},
             "exponential": {},
@@ -220,7 +226,7 @@ class ParameterDrift(Declared):
         The simulation runs at every node, so there are fewer than for a curve that is added.
         """
         others = self.others or {}
-        if self.shape == "step" and len(self.axis.rows) <= MOST_GAPS:
+        if self.shape == "step" and len(self.axis.rows) <= MAX_TRIED_ROWS:
             return {"location": self.axis.gaps(others["location"])}
         shares = {"location": 24 if self.shape == "step" else 16, "width": 4}
         nodes = {

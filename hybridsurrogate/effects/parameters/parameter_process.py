@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import stats
 
-from hybridsurrogate.effects.base import Cause, Context, Declared, FloatArray, Rows
+from hybridsurrogate.effects.base import USUAL_CHANGE, Cause, Context, Declared, FloatArray, Rows
 from hybridsurrogate.effects.expressions import Code
 from hybridsurrogate.effects.output.processes import PLACES_OF_CURVE, scaled
 from hybridsurrogate.effects.registry import Form, register
@@ -18,13 +18,13 @@ from hybridsurrogate.ode.dynamics import WanderingParameter, coefficients, wave_
 from hybridsurrogate.priors import frozen, prior_sd
 from hybridsurrogate.types import Prior
 
-# the shortest reaches from peak to trough over 4 % of the range; with 30 fits take thrice as long
+# the shortest reaches from peak to trough over 4 % of the range; with 30 fits take thrice as long,
+# with 12 scores of 20 courses are 0.13 nats a row (standard error 0.06) lower
 _N_WAVES = 24
 # of the input scaled to [-1, 1]: a parameter that jumps to another level at random has this
-# correlation if it jumps twice in the range, on average
+# correlation if it jumps twice in the range, on average. Of twice the length, three of four fast
+# courses are those of the wrong parameter
 _LENGTH = 1.0
-# the usual change of a parameter that keeps its sign, as a factor: halving and doubling
-_USUAL = 0.7
 
 
 @dataclass(eq=False, repr=False)
@@ -102,7 +102,7 @@ class ParameterProcess(Declared):
 
     def priors_by_name(self) -> Mapping[str, Prior]:
         """Return the priors of the waves, the shorter the smaller."""
-        scale = _USUAL if self.scale is None else self.scale
+        scale = USUAL_CHANGE if self.scale is None else self.scale
         sizes = (scale * spectrum(_N_WAVES)).tolist()
         priors = [frozen(stats.norm, scale=size) for size in sizes]
         return dict(zip(wave_names(_N_WAVES), priors, strict=True))
@@ -120,7 +120,7 @@ class ParameterProcess(Declared):
         inside = self.parameter in context.rates and over == context.inputs[0]
         low, high = prior.support()
         factor = bool(inside or low >= 0 or high <= 0)
-        scale = _USUAL if factor else prior_sd(prior)
+        scale = USUAL_CHANGE if factor else prior_sd(prior)
         return self.filled(
             over=over,
             scale=scale if self.scale is None else self.scale,

@@ -16,9 +16,9 @@ from hybridsurrogate.types import Prior
 
 # the wide prior of a positive parameter goes this factor beyond either end of the given one, that
 # of another parameter so many times its width
-_FACTOR, _WIDTHS = 10.0, 5.0
+_WIDE_FACTOR, _N_WIDTHS = 10.0, 5.0
 # between these shares a prior lies, whatever its tails
-_TAIL = 0.001
+_TAIL_SHARE = 0.001
 
 
 class _OtherValue(Declared):
@@ -99,11 +99,11 @@ class NarrowPrior(_OtherValue):
 
 
 def _widened(prior: Prior) -> Prior:
-    low, high = (float(end) for end in prior.ppf([_TAIL, 1 - _TAIL]))
+    low, high = (float(end) for end in prior.ppf([_TAIL_SHARE, 1 - _TAIL_SHARE]))
     if low > 0:
-        return frozen(stats.loguniform, low / _FACTOR, high * _FACTOR)
+        return frozen(stats.loguniform, low / _WIDE_FACTOR, high * _WIDE_FACTOR)
     width = high - low
-    return frozen(stats.uniform, loc=low - _WIDTHS * width, scale=(1 + 2 * _WIDTHS) * width)
+    return frozen(stats.uniform, loc=low - _N_WIDTHS * width, scale=(1 + 2 * _N_WIDTHS) * width)
 
 
 register(

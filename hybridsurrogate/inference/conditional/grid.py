@@ -74,10 +74,10 @@ def own_draws(
     value = np.maximum(value[first], np.finfo(float).min / 2)
     mode, _, hessian = optimise_density(log_density, starts[first], value)
     factor = PROPOSAL_SCALE * factors(hessian)
-    scaled = standard_student_draws((SETTINGS.proposals_each, S, d), random_state)
+    scaled = standard_student_draws((SETTINGS.draw_proposals, S, d), random_state)
     points = mode + np.einsum("sij,msj->msi", factor, scaled)
-    log_weight = log_density(points.reshape(-1, d), np.tile(np.arange(S), SETTINGS.proposals_each))
-    log_weight = log_weight.reshape(SETTINGS.proposals_each, S) - standard_student(
+    log_weight = log_density(points.reshape(-1, d), np.tile(np.arange(S), SETTINGS.draw_proposals))
+    log_weight = log_weight.reshape(SETTINGS.draw_proposals, S) - standard_student(
         np.sum(scaled**2, axis=2), d
     )
     share = node_shares(log_weight)
@@ -158,7 +158,7 @@ def grid_draws(
     u, at_node = np.hstack([z, log_sigma]), np.hstack([nodes[pick], log_sigma])
     every = np.arange(S)
     change = log_density_of_pairs(problem, u, every) - log_density_of_pairs(problem, at_node, every)
-    return u, bool(np.median(np.abs(change)) < SETTINGS.node_change)
+    return u, bool(np.median(np.abs(change)) < SETTINGS.node_density_change)
 
 
 def _grid(low: FloatArray, high: FloatArray, n: int) -> tuple[FloatArray, FloatArray]:

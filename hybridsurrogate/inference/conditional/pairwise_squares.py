@@ -268,11 +268,11 @@ def main_directions(problem: MeasuredGiven, z: FloatArray, sigma: float) -> Meas
     Returns
     -------
     MeasuredGiven
-        As it was where features factorise, are few, or noise or a cause follows their output.
+        As it was where features factorise, none exist, or noise or a cause follows their output.
     """
     model, c = problem.model, problem.c
     follows = model.noise_follows or any("response" in effect.acts_on for effect in model.effects)
-    if model.factorises or follows or c.shape[1] < SETTINGS.few_coefficients:
+    if model.factorises or follows or not c.shape[1]:
         return problem
     asked = max(1, LARGE_BLOCK // (len(problem.y) * c.shape[1]))
     some = np.unique(np.linspace(0, len(z) - 1, min(len(z), asked)).astype(int))
@@ -281,6 +281,6 @@ def main_directions(problem: MeasuredGiven, z: FloatArray, sigma: float) -> Meas
     v, axes = problem.draws.principal
     seen, turn = np.linalg.eigh(axes.T @ (features.T @ features) @ axes)
     left_out = np.sqrt(np.cumsum(np.maximum(seen, 0.0)) / max(len(features), 1))
-    turned = turn[:, left_out > SETTINGS.output_left_out * sigma]
+    turned = turn[:, left_out > SETTINGS.output_truncation * sigma]
     model = replace(model, basis=model.basis.along(axes @ turned))
     return replace(problem, model=model, c=v @ turned)

@@ -43,7 +43,7 @@ from hybridsurrogate.inference.sampling.importance import (
 )
 from hybridsurrogate.inference.sampling.modes import Gaussian, LogDensity, find_modes
 from hybridsurrogate.inference.sampling.settings import MOST_PROPOSALS, SETTINGS
-from hybridsurrogate.model.posterior import LEAST_EFFECTIVE
+from hybridsurrogate.model.posterior import MIN_EFFECTIVE_EACH
 from hybridsurrogate.model.problem import Problem
 from hybridsurrogate.model.statistics import prior_log_density, prior_of_unknowns
 from hybridsurrogate.numerics.linear_algebra import (
@@ -222,7 +222,7 @@ def _by_proposals(
     drawn = OwnDraws(u[node], khat, effective)
     # separate proposals for each draw take a Hessian each: in many dimensions only where shared
     # ones are doubtful, and never in a hierarchy, whose ridges they do not follow
-    doubtful = khat > KHAT_LIMIT or effective < LEAST_EFFECTIVE
+    doubtful = khat > KHAT_LIMIT or effective < MIN_EFFECTIVE_EACH
     wanted = doubtful if first_step.shape[1] > SETTINGS.many_dimensions else not found.enough
     if wanted and coordinates is None:
         best = u[np.argmax(found.log_density, axis=0)]
@@ -282,7 +282,7 @@ def _weighted(
         From the proposals' coordinates to u, and the log of the volume.
     """
     components = [first, *others]
-    for round_ in range(SETTINGS.few + 1):
+    for round_ in range(SETTINGS.few_rounds + 1):
         points = mixture_points(components, n, random_state)
         u, log_volume = plain(points)
         log_proposal = mixture_log_density(components, points) - log_volume
@@ -291,8 +291,8 @@ def _weighted(
         log_weight = log_density - log_proposal[:, None]
         share = node_shares(log_weight)
         khat, effective = quality(log_weight, share, 25)
-        enough = effective > SETTINGS.enough_effective * n and khat <= KHAT_LIMIT
-        if enough or round_ == SETTINGS.few:
+        enough = effective > SETTINGS.min_effective_share * n and khat <= KHAT_LIMIT
+        if enough or round_ == SETTINGS.few_rounds:
             break
         components = [moment_match(points, share.mean(axis=1), first), *others]
         if round_:
@@ -340,7 +340,7 @@ def held_out(
     khat, effective = quality(with_them, node_shares(with_them), 25)
     if max(khat, found.khat) > KHAT_LIMIT:
         return None
-    if min(effective, found.effective) < LEAST_EFFECTIVE:
+    if min(effective, found.effective) < MIN_EFFECTIVE_EACH:
         return None
     ratio: FloatArray = special.logsumexp(with_them, axis=0) - special.logsumexp(log_weight, axis=0)
     return ratio
@@ -368,7 +368,7 @@ def exchanged(
     given = main_directions(problem, u[:, :-1], _noise_of(u))
     log_density = _log_density(given, u, given.draws)
     share = _shares_of_mixture(np.exp(log_density - log_density.max(axis=0)))
-    if not np.median(1 / np.sum(share**2, axis=0)) >= LEAST_EFFECTIVE:
+    if not np.median(1 / np.sum(share**2, axis=0)) >= MIN_EFFECTIVE_EACH:
         return None
     return np.stack([one_node_each(share, random_state) for _ in range(n)], axis=1)
 

@@ -161,10 +161,10 @@ def refine(model: MeasuredModel, grid: Grid, log_evidence: FloatArray) -> Grid:
     if grid.exact or not len(grid.nodes):
         return grid
     density = log_evidence - grid.log_weight
-    if len(best_levels(grid, log_evidence)) >= SETTINGS.nodes_enough ** len(grid.nodes):
+    if len(best_levels(grid, log_evidence)) >= SETTINGS.resolved_nodes ** len(grid.nodes):
         return grid
     split = density > density.max() - 30.0
-    split &= np.argsort(np.argsort(-density)) < SETTINGS.most_split
+    split &= np.argsort(np.argsort(-density)) < SETTINGS.max_split
     pieces, weight = grid.edges[split], grid.log_weight[split]
     for k in range(len(grid.nodes)):
         borders = np.linspace(pieces[:, k, 0], pieces[:, k, 1], 4, axis=1)
@@ -172,7 +172,7 @@ def refine(model: MeasuredModel, grid: Grid, log_evidence: FloatArray) -> Grid:
         pieces[:, k, 0], pieces[:, k, 1] = borders[:, :-1].ravel(), borders[:, 1:].ravel()
     of_pieces = _log_mass(model, grid, pieces).reshape(len(weight), -1)
     of_pieces += (weight - np.logaddexp.reduce(of_pieces, axis=1))[:, None]
-    kept = ~split & (density > density.max() - SETTINGS.cell_pruned)
+    kept = ~split & (density > density.max() - SETTINGS.cell_margin)
     return with_cells(
         grid,
         np.concatenate([grid.edges[kept], pieces]),

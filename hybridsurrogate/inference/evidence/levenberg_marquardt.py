@@ -27,9 +27,9 @@ from hybridsurrogate.types import FloatArray
 
 # places far away: along a size, how far these reach in standard deviations of the prior, and
 # besides; how much better (minus twice the log posterior) one has to be
-_ON_LINE, _REACH, _WIDE, _WORTH_FOLLOWING = 49, 2.4, 400, 2.0
+_LINE_POINTS, REACH_SD, _N_SPREAD, _WORTH_FOLLOWING = 49, 2.4, 400, 2.0
 # sizes that starts move to either side, in all combinations
-_MOVED = 4
+_MAX_MOVED_SIZES = 4
 
 
 def is_followed(cause: Cause) -> bool:
@@ -71,10 +71,10 @@ def best_of_spread(
         As in `best_of_many`.
     """
     # a fixed spread: what a fit finds does not depend on its random draws
-    z = np.random.RandomState(0).standard_normal((_WIDE, model.n_unknowns))
+    z = np.random.RandomState(0).standard_normal((_N_SPREAD, model.n_unknowns))
     residual = _Residual(model, X, y, emulator, floor)
     value = residual.deviance(residual(z), z)
-    starts = z[np.argsort(value)[: SETTINGS.nodes_followed]]
+    starts = z[np.argsort(value)[: SETTINGS.max_followed]]
     return _descend(residual, starts, np.arange(model.n_unknowns))
 
 
@@ -104,10 +104,10 @@ def best_of_global_starts(
     """
     if not model.effects[-1].touches_simulation or not len(grid.sizes):
         return None
-    line = np.tile(grid.neutral, (_ON_LINE, 1))
+    line = np.tile(grid.neutral, (_LINE_POINTS, 1))
     line[:, : len(centre)] = centre
     line[:, grid.nodes] = _at_nodes(model, grid, np.array([len(grid.points) // 2]))
-    line[:, grid.sizes[0]] = np.linspace(-_REACH, _REACH, _ON_LINE)
+    line[:, grid.sizes[0]] = np.linspace(-REACH_SD, REACH_SD, _LINE_POINTS)
     residual = _Residual(model, X, y, emulator, floor)
 
     def deviance(z: FloatArray) -> FloatArray:
@@ -118,21 +118,21 @@ def best_of_global_starts(
     is_rough = np.count_nonzero(inner) > 1
     if len(grid.nodes) and not is_rough:
         return None  # nodes are enumerated, and sizes are followed from each
-    wide = _WIDE if is_rough else _ON_LINE
+    wide = _N_SPREAD if is_rough else _LINE_POINTS
     if is_rough and model.basis.is_quick:
-        wide = int(np.clip(LARGE_BLOCK // len(y), _WIDE, SETTINGS.widest_population))
+        wide = int(np.clip(LARGE_BLOCK // len(y), _N_SPREAD, SETTINGS.max_population))
     # a fixed spread of parameters, size and nodes, those of earlier causes held: the search is
     # deterministic
     random = np.random.RandomState(0)
     spread = np.tile(line[0], (wide, 1))
     place = [*np.arange(model.n_parameters), *grid.sizes]
     # far out in a heavy tail an ODE would be solved for many times the measured span
-    spread[:, place] = np.clip(random.standard_normal((wide, len(place))), -_REACH, _REACH)
+    spread[:, place] = np.clip(random.standard_normal((wide, len(place))), -REACH_SD, REACH_SD)
     spread[:, grid.nodes] = _at_nodes(model, grid, random.randint(len(grid.points), size=wide))
     z = np.vstack([known, line, spread])
     value = np.concatenate([deviance(known[None]), along, deviance(spread)])
     if is_rough:
-        followed = z[np.argsort(value)[: SETTINGS.nodes_followed]]
+        followed = z[np.argsort(value)[: SETTINGS.max_followed]]
         end, _ = _descend(residual, followed, np.concatenate([grid.fixed, grid.sizes, grid.nodes]))
         z, value = np.vstack([z, end]), np.append(value, deviance(end[None]))
     best = int(np.argmin(value))
@@ -147,9 +147,9 @@ def _at_nodes(model: MeasuredModel, grid: Grid, index: NDArray[np.intp]) -> Floa
 def _starts(model: MeasuredModel, grid: Grid, centre: FloatArray) -> FloatArray:
     """Return starts (S, n_unknowns): nodes spread over the grid, sizes moved to either side."""
     # of the waves of a process the first, which are the largest: all corners would be a million
-    moved = grid.sizes[:_MOVED]
+    moved = grid.sizes[:_MAX_MOVED_SIZES]
     T, k = len(grid.points), len(moved)
-    most = min(T, SETTINGS.nodes_followed * 2 ** max(k - 1, 0))
+    most = min(T, SETTINGS.max_followed * 2 ** max(k - 1, 0))
     chosen = np.unique(np.linspace(0, T - 1, most).round().astype(int))
     # one standard deviation to either side; of a cause without sizes one row without columns
     moves = np.array(list(product([-1.0, 1.0], repeat=k)))
@@ -233,7 +233,7 @@ def _descend(
         trial_badness = residual.deviance(trial_rest, trial)
         better = trial_badness < deviance
         best = int(np.argmin(np.minimum(deviance, trial_badness)))
-        converged = better[best] and deviance[best] - trial_badness[best] < SETTINGS.gain_converged
+        converged = better[best] and deviance[best] - trial_badness[best] < SETTINGS.converged_gain
         z[better], rest[better], slopes[better] = (
             trial[better],
             trial_rest[better],
@@ -243,7 +243,7 @@ def _descend(
         damping = np.where(better, 0.2, 6.0) * damping
         if converged:
             break
-        if step % SETTINGS.steps_a_round == SETTINGS.steps_a_round - 1 and len(z) > 2:
+        if step % SETTINGS.halving_steps == SETTINGS.halving_steps - 1 and len(z) > 2:
             kept = np.argsort(deviance)[: (len(z) + 1) // 2]
             z, rest, slopes = z[kept], rest[kept], slopes[kept]
             deviance, damping = deviance[kept], damping[kept]

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from hybridsurrogate.inference.evidence.grid import Grid
 from hybridsurrogate.inference.evidence.settings import SETTINGS
 from hybridsurrogate.model.context import disjoint_moves
-from hybridsurrogate.model.observation import MeasuredModel
+from hybridsurrogate.model.observation import MAX_KEPT_PLACES, MeasuredModel
 from hybridsurrogate.model.statistics import EmulatorPosterior
 from hybridsurrogate.numerics.linear_algebra import LARGE_BLOCK, SINGULAR, blocks, in_blocks
 from hybridsurrogate.simulation.arrays import LARGEST
@@ -29,8 +29,6 @@ from hybridsurrogate.types import FloatArray
 SHORT_STEP = 1e-4
 # numbers of the columns of all nodes that are kept
 _MOST_KEPT = 2 * LARGE_BLOCK
-# places whose slopes are kept
-_MOST_SLOPES = 32
 
 
 @dataclass(frozen=True)
@@ -322,7 +320,7 @@ class RecentSlopes:
         )
         if key not in self._kept:
             self._kept[key] = _slopes(model, X, emulator, grid, z)
-            if len(self._kept) > _MOST_SLOPES:
+            if len(self._kept) > MAX_KEPT_PLACES:
                 self._kept.popitem(last=False)
         self._kept.move_to_end(key)
         return self._kept[key]
@@ -431,4 +429,4 @@ def _odds_of_places(model: MeasuredModel, grid: Grid, H: FloatArray) -> FloatArr
     total = np.maximum(np.sum(w, axis=1), np.finfo(float).tiny)
     w /= total[:, None]
     carrying = 1 / np.maximum(np.einsum("tn,tn->t", w, w), 1 / w.shape[1])
-    return np.where(carrying < SETTINGS.few_rows, np.log(SETTINGS.few_rows_odds), 0.0)
+    return np.where(carrying < SETTINGS.isolated_rows, np.log(SETTINGS.isolated_odds), 0.0)

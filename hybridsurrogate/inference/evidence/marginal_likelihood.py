@@ -268,7 +268,7 @@ def _without_parameters(
 
 
 # a prior scale that is as good as zero, whose square is a number still
-_NO_SIZE = 1e-100
+_SMALLEST_SCALE = 1e-100
 
 # whitened values (..., n), rows along the last axis
 Whiten = Callable[[FloatArray], FloatArray]
@@ -371,7 +371,7 @@ def _of_products(
     eigenvalue = np.where(informed, eigenvalue, 0.0)[:, :, None]
     along = (products.along @ (vector * informed[:, :, None])) ** 2
     # one size for all directions of a cause; caps bind only parameters, which come alone
-    scales = np.maximum(np.minimum(sizes[:, None], parts.cap.min(axis=1)), _NO_SIZE)
+    scales = np.maximum(np.minimum(sizes[:, None], parts.cap.min(axis=1)), _SMALLEST_SCALE)
     terms = []
     for scale in np.array_split(scales, -(-scales.size * along.size // (BLOCK * T))):
         ridge = ((sigma / scale) ** 2)[:, None, :, None, None]
@@ -477,18 +477,18 @@ def optimise(
         here, move, deviance = _solve(parts, y, grid, proposal, sigma, size)
         promised = here.objective - float((deviance + 2 * parts.log_weight)[here.node])
         here = here._replace(node=int(followed[here.node]))
-        if costly and len(followed) > SETTINGS.nodes_followed and np.isfinite(here.objective):
-            index = np.argsort(deviance)[: SETTINGS.nodes_followed]
+        if costly and len(followed) > SETTINGS.max_followed and np.isfinite(here.objective):
+            index = np.argsort(deviance)[: SETTINGS.max_followed]
             followed, grid, columns = followed[index], grid.at(index), columns.at(index)
         if not np.isfinite(here.objective):
             if best is None:
                 return here
             step *= 0.3
-        elif best is None or here.objective < best.objective - SETTINGS.gain_converged:
+        elif best is None or here.objective < best.objective - SETTINGS.converged_gain:
             gain = np.inf if best is None else best.objective - here.objective
             best, point, target, step = here, proposal, move, 1.0
             # where the linear model promises nothing no shorter step is tried: 60 % of all steps
-            if gain < SETTINGS.gain_converged or promised < SETTINGS.gain_converged:
+            if gain < SETTINGS.converged_gain or promised < SETTINGS.converged_gain:
                 break
         else:
             step *= 0.3
@@ -507,7 +507,7 @@ def _solve(
     d, s = parts.G.shape[2], len(grid.sizes)
     units = [_normal_equations(unit, y / factor, sigma) for unit, factor in parts.by_noise()]
     normal, right, total = (np.concatenate(block) for block in list(zip(*units, strict=True))[:3])
-    scale = np.maximum(np.minimum(size, parts.cap), _NO_SIZE)
+    scale = np.maximum(np.minimum(size, parts.cap), _SMALLEST_SCALE)
     penalty = np.concatenate([np.ones((T, d)), scale**-2.0], axis=1) * sigma**2
     normal[:, np.arange(d + q), np.arange(d + q)] += penalty
     try:
@@ -587,7 +587,7 @@ def _free_noise(n: int) -> Callable[[FloatArray], FloatArray]:
 
 
 # nodes that are kept each, and groups of others
-_BEST, _GROUPS = 300, 100
+_N_SINGLE_NODES, _N_NODE_GROUPS = 300, 100
 
 
 def shortened(
@@ -620,10 +620,10 @@ def shortened(
         ]
     )
     order = np.argsort(-density)
-    groups = np.array_split(order[_BEST:], _GROUPS)
+    groups = np.array_split(order[_N_SINGLE_NODES:], _N_NODE_GROUPS)
     middle = [group[len(group) // 2] for group in groups]
     weight = [np.logaddexp.reduce(grid.log_weight[group]) for group in groups]
-    best = order[:_BEST]
+    best = order[:_N_SINGLE_NODES]
     return with_cells(
         grid,
         np.concatenate([grid.edges[best], grid.edges[middle]]),

@@ -28,13 +28,8 @@ from hybridsurrogate.types import FloatArray
 
 # a robust guess of sigma from the median residual, the upper quartile of a half-normal distribution
 _TO_SIGMA = 1 / special.ndtri(0.75)
-# relative move of the noise at which EM has arrived: a bound is flat around its best
-_ARRIVED = 1e-3
 # errors of an emulator below this share of the noise move no row: a tenth of the time of 1,500 rows
-_SMALL = 0.3
-# least information about log sigma as a share of that of normal rows: between two readings of a row
-# there may be none
-_LEAST_INFORMATION = 0.1
+_SMALL_ERROR = 0.3
 
 Noise = Callable[[FloatArray], FloatArray]
 
@@ -72,7 +67,7 @@ def as_normal_rows(
     scale = np.minimum(size, parts.cap)[:, None, :]
     M = len(parts.H) if parts.H.shape[2] else len(parts.G)
     variance, vector = np.linalg.eigh(parts.U.T @ parts.U)
-    U = parts.U @ vector[:, variance > (_SMALL * sigma) ** 2]
+    U = parts.U @ vector[:, variance > (_SMALL_ERROR * sigma) ** 2]
     blocks = parts.G, (parts.H * scale)[:M], U
     design = np.concatenate([np.broadcast_to(a, (M, *a.shape[-2:])) for a in blocks], axis=2)
     at, best = _residuals(
@@ -91,7 +86,8 @@ def _information(z: FloatArray, share: FloatArray) -> FloatArray:
     moved = [z * np.exp(step) for step in (SHORT_STEP, 0.0, -SHORT_STEP)]
     more, here, less = (np.sum(precision_at(at, share) * at**2, axis=1) for at in moved)
     curvature = (more - less) / (2 * SHORT_STEP)
-    return np.maximum(curvature / (2 * here), _LEAST_INFORMATION)
+    # between two readings of a row there may be none: at least that of one row
+    return np.maximum(curvature / (2 * here), 1 / z.shape[1])
 
 
 def _residuals(
@@ -123,6 +119,7 @@ def _residuals(
         sigma = possible(sigma)
         z = residual / sigma[:, None]
         weight = precision_at(z, share)
-        if step and np.max(np.abs(sigma / before - 1)) < _ARRIVED:
+        # a bound is flat around its best
+        if step and np.max(np.abs(sigma / before - 1)) < SETTINGS.converged_noise:
             break
     return z, sigma

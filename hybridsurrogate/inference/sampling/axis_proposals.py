@@ -104,7 +104,7 @@ def ridge_through(target: Target, mode: Gaussian) -> Ridge | None:
     whole[position, position] = np.sqrt(share @ (even - mean[position]) ** 2)
     whole[np.ix_(others, others)] = factor[np.abs(s - mean[position]).argmin()]
     curve = CubicSpline(s, np.array([node.x for node in path]))
-    return Ridge(position, curve, Gaussian(mean, whole))
+    return Ridge(position, curve, Gaussian(mean, whole, 0.0))
 
 
 class _Node(NamedTuple):
@@ -147,7 +147,7 @@ def _followed_ridge(
                 room = max(Z_LIMIT - np.sign(spacing[k]) * node.s, 0.0)
                 spacing[k] = np.sign(spacing[k]) * min(abs(spacing[k]), room)
             ended = abs(spacing[k]) < 0.5 * least or node.value < best + np.log(
-                SETTINGS.least_share
+                SETTINGS.min_mode_share
             )
             if ended or not np.isfinite(node.value):
                 going.remove(k)
@@ -238,14 +238,14 @@ def _line(
     places: list[tuple[int, FloatArray]],
 ) -> Line:
     """Return proposals along the unknown in which the density is farthest from normal, if any."""
-    worst, chosen = SETTINGS.far_from_normal, None
+    worst, chosen = SETTINGS.normality_distance, None
     precision = np.linalg.inv(mode.factor @ mode.factor.T)
     for position, nodes in places:
         # with the others held: how the density falls off where they follow is the mode's affair
         sd = float(precision[position, position] ** -0.5)
         # close around the mode, with the nodes between
         centre = mode.mean[position]
-        away = np.geomspace(sd / SETTINGS.bins, 2 * Z_LIMIT, SETTINGS.line_points)
+        away = np.geomspace(sd / SETTINGS.bins, 2 * Z_LIMIT, SETTINGS.bins)
         z = np.unique(np.concatenate([centre - away, [centre], centre + away, nodes]))
         z = z[np.abs(z) <= Z_LIMIT]
         edges, log_mass = _cells(z, target.search_density(_along(mode.mean, position, z)))
@@ -298,7 +298,7 @@ def _bins(
     spread = np.maximum(SETTINGS.bin_sd * np.diff(at), NEGLIGIBLE * (at[-1] - at[0]))
     volume = np.log(np.diagonal(rest_factor) * width).sum(axis=1)
     mass = value + np.log(spread / SETTINGS.bin_sd) + volume + 0.5 * len(rest) * np.log(2 * np.pi)
-    mass = np.maximum(mass, special.logsumexp(mass) + np.log(SETTINGS.least_share))
+    mass = np.maximum(mass, special.logsumexp(mass) + np.log(SETTINGS.min_mode_share))
     factors = np.zeros((SETTINGS.bins, *mode.factor.shape))
     factors[:, position, position] = spread
     factors[np.ix_(np.arange(SETTINGS.bins), others, others)] = rest_factor * width[:, None, :]
@@ -335,7 +335,7 @@ def _followed(
     value = target.search_density(points)
     curvature = np.ones((len(points), r))
     reach = np.ones(len(points))
-    for _ in range(SETTINGS.few):
+    for _ in range(SETTINGS.few_rounds):
         around = (points[:, None] + offsets).reshape(-1, points.shape[1])
         plus, minus = np.split(target.search_density(around).reshape(len(points), -1), 2, axis=1)
         with np.errstate(invalid="ignore"):

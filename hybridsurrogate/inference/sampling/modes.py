@@ -56,7 +56,7 @@ def starting_points(
         before_it, z = z, np.concatenate([z, grid.neutral[len(z) :]])
         rows = partial, target.X, target.y, emulator
         grid = shortened(*rows, grid, z, sigma, size)
-        for round_ in range(EVIDENCE.looks):
+        for round_ in range(EVIDENCE.probing_rounds):
             mode = optimise(*rows, grid, z, sigma, size, lambda sigma: np.maximum(sigma, floor))
             z = mode.z.copy()
             if not round_:
@@ -134,7 +134,7 @@ def _best_prior_points(
     distance = np.linalg.norm(z[:, None] - z, axis=2)
     neighbours = np.argsort(distance, axis=1)[:, 1 : 2 * d + 1]
     peaks = np.flatnonzero(value >= value[neighbours].max(axis=1))
-    return u[peaks[np.argsort(-value[peaks])][: SETTINGS.few]]
+    return u[peaks[np.argsort(-value[peaks])][: SETTINGS.few_rounds]]
 
 
 LogDensity = Callable[[FloatArray], FloatArray]
@@ -152,7 +152,7 @@ class Gaussian:
 
     mean: FloatArray
     factor: FloatArray
-    log_mass: float = 0.0
+    log_mass: float
 
 
 # length of difference steps in standard deviations: five times as long for an approximation that is

@@ -12,7 +12,7 @@ import pandas as pd
 from numpy.typing import ArrayLike, NDArray
 
 from hybridsurrogate.effects.base import Cause
-from hybridsurrogate.effects.context import LEAST_EACH
+from hybridsurrogate.effects.context import MIN_ROWS_EACH
 from hybridsurrogate.effects.noise.known_errors import SharedErrors
 from hybridsurrogate.effects.parameters.parameter_by_experiment import ParameterByExperiment
 from hybridsurrogate.exceptions import ExtrapolationWarning, did_you_mean
@@ -103,7 +103,7 @@ def experiments_of(
         if name != column and any(_mostly_numbers(text) for text in texts):
             continue
         found = sorted(set().union(*map(set, texts)))
-        if name != column and sum(map(len, texts)) < LEAST_EACH * len(found):
+        if name != column and sum(map(len, texts)) < MIN_ROWS_EACH * len(found):
             left_out.append(name)
         elif found:
             labels[name] = tuple(found)

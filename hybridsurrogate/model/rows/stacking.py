@@ -13,9 +13,6 @@ from hybridsurrogate.exceptions import did_you_mean
 from hybridsurrogate.simulation.arrays import as_numbers, check_size
 from hybridsurrogate.types import FloatArray
 
-# values of an output from which its noise can be estimated
-_LEAST = 2
-
 
 @dataclass(frozen=True, eq=False)
 class Stacking:
@@ -88,10 +85,11 @@ def as_several(y: Any, names: Sequence[str], word: str = "y") -> FloatArray:
 def stacking_of(Y: FloatArray, names: Sequence[str], at: int, scaled: bool) -> Stacking:
     """Return how measured outputs Y (n, k) are stacked; ValueError for one never measured."""
     there = np.isfinite(Y)
-    few = [name for name, n in zip(names, there.sum(axis=0), strict=True) if n < _LEAST]
+    # the noise of an output takes two values to be estimated
+    few = [name for name, n in zip(names, there.sum(axis=0), strict=True) if n < 2]
     if few:
         raise ValueError(
-            f"The output {few[0]!r} has fewer than {_LEAST} measured values: leave it out of the "
+            f"The output {few[0]!r} has fewer than 2 measured values: leave it out of the "
             "simulation's outputs, or measure it."
         )
     scale = np.ones(len(names))

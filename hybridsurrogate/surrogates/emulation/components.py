@@ -20,12 +20,11 @@ from scipy.interpolate import make_interp_spline
 from scipy.special import digamma, polygamma
 from sklearn.exceptions import ConvergenceWarning
 
+from hybridsurrogate.numerics.linear_algebra import NEGLIGIBLE
 from hybridsurrogate.types import FloatArray
 
 # what the components leave of the spread of all curves, and how many there are at most
-LEFT, _MOST_COMPONENTS = 1e-3, 40
-# of the variance of repeated runs, what is left to the noise of single rows
-_HUNDREDTH = 0.01
+LEFT_OUT, _MAX_COMPONENTS = 1e-3, 40
 
 
 # repeated runs that a changing noise is learned from, at random of more: time grows with their cube
@@ -235,12 +234,12 @@ def principal(
     mean = outputs.mean(axis=0)
     left, size, curves = np.linalg.svd(outputs - mean, full_matrices=False)
     rest = np.append(np.cumsum(size[::-1] ** 2)[::-1], 0.0)
-    k = int(np.argmax(rest <= max(LEFT**2 * rest[0], 1e-300)))
+    k = int(np.argmax(rest <= max(LEFT_OUT**2 * rest[0], 1e-300)))
     directions, n = scatter.directions, len(outputs)
     if directions:
         least = n * scatter.along(curves[:k]) * _by_chance(directions, n)
         k = int(np.sum(np.cumprod(size[:k] ** 2 > least)))
-    k = min(max(k, 1), _MOST_COMPONENTS, len(size))
+    k = min(max(k, 1), _MAX_COMPONENTS, len(size))
     return mean, left[:, :k], size[:k], curves[:k]
 
 
@@ -322,7 +321,9 @@ def scatter_of(
     left = np.cumsum(size[::-1] ** 2)[::-1]
     directions = n_places - np.arange(len(size))
     larger = size**2 > left / directions * _by_chance(directions, degrees)
-    q = int(np.sum(np.cumprod(larger & (left > _HUNDREDTH * left[0]))[:_MOST_COMPONENTS]))
+    # what is left of fewer curves than these is rounding
+    larger &= left > NEGLIGIBLE * left[0]
+    q = int(np.sum(np.cumprod(larger)[:_MAX_COMPONENTS]))
     share = np.sum(1 / by_run.size()) + n_runs - by_run.ngroups
     rest = np.sqrt(np.sum((size[q:, None] * curves[q:]) ** 2, axis=0))
     factor = np.sqrt(degrees / max(degrees - q - 1, 1))

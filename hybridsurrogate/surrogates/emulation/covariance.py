@@ -36,11 +36,11 @@ from hybridsurrogate.types import FloatArray
 # the covariance is learned from at most so many runs, drawn at random, as files of runs are often
 # in order (of runs that are curves fewer: each is as much as hundreds of rows), and the process is
 # conditioned on at most so many
-_LEARN, _LEARN_CURVES, MOST_RUNS, MOST_CURVES = 500, 200, 5000, 2000
-# of the outputs' spread, to which runs are predicted. And of the nugget: where others leave no more
-# of a run it is none of those that a prediction is made of. Of 2,000 curves the mean then moved by
-# at most 0.07 of its error, which is the same; at a tenth by one and a half of them
-_HUNDREDTH = 0.01
+_LEARNED_ROWS, _LEARNED_RUNS, MAX_RUNS, MAX_CURVES = 500, 200, 5000, 2000
+# rows or columns of a covariance that is formed whole, at most: its time grows with their square
+MAX_DENSE = 1000
+# of a spread, or of a nugget: what is less is none of what is looked for
+_MINOR_SHARE = 0.01
 
 
 class Places(NamedTuple):
@@ -154,17 +154,15 @@ class Process:
             known = known + self.trend.features(X, omega) @ self.trend.coefficient_mean
         return known
 
-    def some(
-        self, X: FloatArray, omega: FloatArray, eta: FloatArray, most: int = MOST_RUNS
-    ) -> Runs:
+    def some(self, X: FloatArray, omega: FloatArray, eta: FloatArray, most: int = MAX_RUNS) -> Runs:
         """Return the runs that are used, of runs with outputs eta (n,) or (n, k)."""
-        chosen = used_rows(len(eta), most if eta.ndim == 1 else MOST_CURVES)
+        chosen = used_rows(len(eta), most if eta.ndim == 1 else MAX_CURVES)
         X, omega = X[chosen], omega[chosen]
         outputs = eta[chosen].reshape(len(chosen), -1)
         return Runs(self.places(X, omega), outputs - self.prior_mean(X, omega)[:, None])
 
 
-def used_rows(n: int, most: int = MOST_RUNS) -> NDArray[np.intp]:
+def used_rows(n: int, most: int = MAX_RUNS) -> NDArray[np.intp]:
     """Return the rows of n runs that are used, at random."""
     return np.random.default_rng(0).permutation(n)[:most]
 
@@ -190,7 +188,7 @@ def process_through(
     noise : float, default=0.0
         Least standard deviation of what differs from run to run, such as rounding.
     """
-    chosen = used_rows(len(eta), _LEARN if eta.ndim == 1 else _LEARN_CURVES)
+    chosen = used_rows(len(eta), _LEARNED_ROWS if eta.ndim == 1 else _LEARNED_RUNS)
     X, omega = X[chosen], omega[chosen]
     mean, terms = np.zeros(len(X)), np.empty((len(X), 0))
     if trend is not None:
@@ -287,7 +285,10 @@ def condensed(
     2006, equations 8.26 and 8.27: 500 of 2,000 curves of two parameters, a quarter of the time of
     a prediction, a sixteenth of that of its error.
     """
-    lower, order, m, _ = dpstrf(matrix, tol=_HUNDREDTH * nugget * np.min(shares), lower=1)
+    # where others leave no more of a run, it is none of those that a prediction is made of: of
+    # 2,000 curves the mean then moved by at most 0.07 of its error, which is the same; at a tenth
+    # of a nugget by one and a half of them
+    lower, order, m, _ = dpstrf(matrix, tol=_MINOR_SHARE * nugget * np.min(shares), lower=1)
     if 2 * m > len(matrix):
         return conditioned(matrix, nugget * shares, residual)
     order, one = order - 1, np.eye(m)
@@ -299,7 +300,7 @@ def condensed(
     fit = white @ outputs
     whiten = solve_triangular(factor[:m] * root[:m], one, lower=True)
     weights = whiten.T @ solve_triangular(precision, fit, lower=True, trans=1)
-    # of what few runs give, the share that is known; its eigenvalues go from _HUNDREDTH to 1
+    # of what few runs give, the share that is known; its eigenvalues go from _MINOR_SHARE to 1
     known = cholesky(one - nugget * cho_solve((precision, True), one), lower=True)
     of_all = (outputs - white.T @ fit) / nugget, (1 - np.sum(white**2, axis=0)) / nugget
     own = of_all[0] / root, of_all[1] / shares[order]
@@ -318,7 +319,7 @@ def weights_of(matrix: FloatArray, nugget: FloatArray | float, residual: FloatAr
 # the weight of a run falls by a factor e for so many runs that lie between; the prior that errors
 # are as the process predicts, in runs. Without, 90 % intervals of 76 such emulators cover 0.9
 # (standard error 0.2) points less, and log densities are 0.04 (0.02) lower
-_NEIGHBOURS, _BELIEF = 3.0, 2.0
+_NEIGHBOUR_RUNS, _PRIOR_RUNS = 3.0, 2.0
 
 
 class LocalError(NamedTuple):
@@ -347,9 +348,9 @@ class LocalError(NamedTuple):
         """
         order = np.argsort(points, axis=0, kind="stable").T
         ranks = np.arange(len(misses))
-        near = np.exp(-np.abs(ranks[:, None] - ranks) / _NEIGHBOURS)
+        near = np.exp(-np.abs(ranks[:, None] - ranks) / _NEIGHBOUR_RUNS)
         # the mean of an inverse-gamma belief about the variance, updated by the runs around
-        square = (_BELIEF + misses[order] @ near) / (_BELIEF + np.sum(near, axis=0))
+        square = (_PRIOR_RUNS + misses[order] @ near) / (_PRIOR_RUNS + np.sum(near, axis=0))
         places = np.take_along_axis(points.T, order, axis=1)
         return cls(places, np.sqrt(np.maximum(square, 1.0)))
 
@@ -360,10 +361,10 @@ class LocalError(NamedTuple):
 
 
 # sd of the normal priors of each log length and each bend; the means are half the range, and none
-_SD = 2.0
+_PRIOR_SD = 2.0
 # an input without influence has the longest length: at 50 errors of the borehole function are twice
 # as large from 1,000 runs
-_LENGTHS, _SHARES, _MOST_BENT = (0.05, 1000.0), (1e-3, 1e5), 8.0
+_LENGTHS, _SHARES, _MAX_BEND = (0.05, 1000.0), (1e-3, 1e5), 8.0
 # the least nugget is there for the digits alone
 LEAST_NUGGET = 1e-7
 _NUGGETS = (LEAST_NUGGET, 10.0)
@@ -372,7 +373,7 @@ _NUGGETS = (LEAST_NUGGET, 10.0)
 _START = (-9.0, -2.0)
 _ROOT = np.sqrt(5.0)
 # runs among which the most likely numbers are searched, and steps from there with all runs
-_SEARCHED, _POLISH = 200, 15
+_SEARCHED_RUNS, _POLISHING_STEPS = 200, 15
 
 
 class Covariance(NamedTuple):
@@ -550,8 +551,8 @@ def learned(
     nuggets = np.clip(max(_NUGGETS[0], least_nugget), *_NUGGETS), _NUGGETS[1]
     ranges = [_LENGTHS] * d + [nuggets, _SHARES]
     limits = [(math.log(low), math.log(high)) for low, high in ranges]
-    limits += [(-_MOST_BENT, _MOST_BENT)] * d
-    few = min(len(points), _SEARCHED)
+    limits += [(-_MAX_BEND, _MAX_BEND)] * d
+    few = min(len(points), _SEARCHED_RUNS)
 
     def deviance(z: FloatArray, gram: FloatArray, n: int) -> tuple[float, FloatArray]:
         return _badness(z, points[:n], gram[:n, :n], residual[:n], counts)
@@ -564,7 +565,7 @@ def learned(
         best = min(ends, key=lambda end: end.fun).x
         if few == len(points):
             return np.asarray(best)
-        args, options = (gram, len(points)), {"maxiter": _POLISH}
+        args, options = (gram, len(points)), {"maxiter": _POLISHING_STEPS}
         end = minimize(
             deviance, best, args, method="L-BFGS-B", jac=True, bounds=limits, options=options
         )
@@ -615,7 +616,7 @@ def _left_out_density(
     weights, diagonal = whiten.T @ (whiten @ residual), np.sum(whiten**2, axis=0)
     squares = weights**2 / diagonal[:, None]
     variance = np.maximum(np.sum(residual * weights, axis=0), np.sum(squares, axis=0)) / n
-    spread = variance / diagonal[:, None] + (_HUNDREDTH * np.std(residual, axis=0)) ** 2
+    spread = variance / diagonal[:, None] + (_MINOR_SHARE * np.std(residual, axis=0)) ** 2
     missed = (weights / diagonal[:, None]) ** 2 / spread
     return float(-0.5 * np.sum(counts * (np.log(spread) + missed)))
 
@@ -657,5 +658,7 @@ def _badness(
             -weight @ (apart * moved),
         ]
     )
-    precision = np.concatenate([np.full(d, _SD**-2.0), np.zeros(2), np.full(d, _SD**-2.0)])
+    precision = np.concatenate(
+        [np.full(d, _PRIOR_SD**-2.0), np.zeros(2), np.full(d, _PRIOR_SD**-2.0)]
+    )
     return float(value + 0.5 * precision @ z**2), slope + precision * z

@@ -31,7 +31,8 @@ from hybridsurrogate.numerics.linear_algebra import (
 from hybridsurrogate.surrogates.emulation.components import Components
 from hybridsurrogate.surrogates.emulation.covariance import (
     LEAST_NUGGET,
-    MOST_CURVES,
+    MAX_CURVES,
+    MAX_DENSE,
     LocalError,
     Places,
     Process,
@@ -40,16 +41,13 @@ from hybridsurrogate.surrogates.emulation.covariance import (
     used_rows,
 )
 from hybridsurrogate.surrogates.emulation.curves import (
-    LEAST_ROWS,
-    LEAST_RUNS,
+    MIN_CURVE_ROWS,
+    MIN_CURVES,
     curves_of,
     distinct,
 )
 from hybridsurrogate.surrogates.emulation.fields import field_of
 from hybridsurrogate.types import FloatArray
-
-# columns of the error of interpolation at most, of which the residual shares one
-_MOST_COLUMNS = 1000
 
 
 @dataclass(frozen=True, eq=False)
@@ -268,7 +266,7 @@ class CurveEmulator:
                 return own * own[k] * along * alike
 
             least = max(NEGLIGIBLE * float(np.max(own**2)), float(np.mean(missed**2)))
-            some, _ = pivoted_cholesky(own**2, column, least, _MOST_COLUMNS)
+            some, _ = pivoted_cholesky(own**2, column, least, MAX_DENSE)
             factor = np.zeros((len(X), some.shape[1]))
             factor[off] = some
         left = np.maximum(sd**2 - np.sum(factor**2, axis=1), 0.0)
@@ -338,10 +336,10 @@ def emulate_curves(
         Rows of the runs.
     input_ranges, parameter_ranges : ndarray of shape (n_inputs, 2), (n_parameters, 2)
     """
-    if not omega.shape[1] or len(eta) < LEAST_RUNS * LEAST_ROWS:
+    if not omega.shape[1] or len(eta) < MIN_CURVES * MIN_CURVE_ROWS:
         return None
     # quick, for runs that are no curves may be millions
-    if np.sum(~pd.DataFrame(omega).duplicated()) * LEAST_ROWS > len(eta):
+    if np.sum(~pd.DataFrame(omega).duplicated()) * MIN_CURVE_ROWS > len(eta):
         return None
     fields = field_of(X, omega, eta) if X.shape[1] > 1 else None
     curves = fields or curves_of(X, omega, eta)
@@ -354,7 +352,7 @@ def emulate_curves(
     process = process_through(None, ranges, empty, curves.others, coefficients)
     runs = process.some(empty, curves.others, coefficients)
     matrix = runs.places.alike(runs.places)
-    used = used_rows(len(coefficients), MOST_CURVES)
+    used = used_rows(len(coefficients), MAX_CURVES)
     nugget, shares = process.covariance.nugget, components.size.at(curves.others[used]) ** 2
     shares = shares / np.mean(shares)
     given = condensed(matrix, nugget, runs.residual, shares)

@@ -12,15 +12,14 @@ from hybridsurrogate.surrogates.emulation.between_places import (
     between_places,
     degree_of,
 )
-from hybridsurrogate.surrogates.emulation.components import LEFT, Curves, principal, scatter_of
+from hybridsurrogate.surrogates.emulation.components import LEFT_OUT, Curves, principal, scatter_of
+from hybridsurrogate.surrogates.emulation.covariance import MAX_DENSE
 from hybridsurrogate.types import FloatArray
 
 # rows are curves where there are so many runs at least and so many rows a run on average
-LEAST_RUNS, LEAST_ROWS = 8, 5
-# places of a common grid, at most, where each run has its own
-_MOST_PLACES = 1000
+MIN_CURVES, MIN_CURVE_ROWS = 8, 5
 # rounds in which missing pieces of curves are filled in from the components
-_ROUNDS = 10
+_MAX_ROUNDS = 10
 
 
 def curves_of(X: FloatArray, omega: FloatArray, eta: FloatArray) -> Curves | None:
@@ -38,14 +37,14 @@ def curves_of(X: FloatArray, omega: FloatArray, eta: FloatArray) -> Curves | Non
     best: tuple[int, FloatArray, NDArray[np.intp]] | None = None
     for along in range(X.shape[1]):
         others, run = distinct(np.hstack([np.delete(X, along, axis=1), omega]))
-        are_curves = LEAST_RUNS <= len(others) <= n_rows / LEAST_ROWS
+        are_curves = MIN_CURVES <= len(others) <= n_rows / MIN_CURVE_ROWS
         if are_curves and (best is None or len(others) < len(best[1])):
             best = along, others, run
     if best is None:
         return None
     along, others, run = best
     places, table, interpolated = _on_one_grid(X[:, along], run, eta, len(others))
-    if len(places) < LEAST_ROWS:
+    if len(places) < MIN_CURVE_ROWS:
         return None
     column = np.searchsorted(places, X[:, along])
     # where each run has its own places none is repeated
@@ -53,7 +52,7 @@ def curves_of(X: FloatArray, omega: FloatArray, eta: FloatArray) -> Curves | Non
     own = run if shared else np.arange(len(eta))
     scatter = scatter_of(column, own, eta, len(places), others)
     whole = ~(interpolated | np.isnan(table)).any(axis=1)
-    enough = np.sum(whole) >= LEAST_RUNS
+    enough = np.sum(whole) >= MIN_CURVES
     pieces = [(places, table[whole])] if enough else _runs(X[:, along], run, eta)
     filled = _filled(table)
     if scatter.directions:  # it is no error of interpolation
@@ -99,13 +98,13 @@ def _on_one_grid(
             table = (total / count).reshape(n_runs, len(places))
         gaps = np.isnan(table)
         some = np.flatnonzero(gaps.any(axis=1))
-        if n_runs - len(some) < max(LEAST_RUNS, n_runs // 2):
+        if n_runs - len(some) < max(MIN_CURVES, n_runs // 2):
             for k in some:
                 there = ~gaps[k]
                 table[k] = _interpolated(places[there], table[k, there], places)
         return places, table, gaps & ~np.isnan(table)
     # each run has its own places: as many as a run has, where their quantiles are
-    n = min(2 * int(np.median(rows_a_run)), _MOST_PLACES)
+    n = min(2 * int(np.median(rows_a_run)), MAX_DENSE)
     grid = np.unique(np.quantile(places, np.linspace(0, 1, n)))
     table = np.array([_interpolated(own, y[0], grid) for own, y in _runs(x, run, eta)])
     return grid, table, ~np.isnan(table)
@@ -136,13 +135,13 @@ def _filled(table: FloatArray) -> FloatArray:
     out = np.where(gaps, np.nanmean(table, axis=0), table)
     out = np.where(np.isnan(out), np.nanmean(table), out)
     whole = np.delete(np.arange(len(table)), incomplete)
-    source = whole if len(whole) >= max(LEAST_RUNS, len(table) // 2) else slice(None)
-    for _ in range(_ROUNDS):
+    source = whole if len(whole) >= max(MIN_CURVES, len(table) // 2) else slice(None)
+    for _ in range(_MAX_ROUNDS):
         curves = out[source]
         mean = curves.mean(axis=0)
         _, size, axes = np.linalg.svd(curves - mean, full_matrices=False)
         factor = axes.T * (size / np.sqrt(len(curves)))
-        noise = (LEFT * float(np.std(curves))) ** 2
+        noise = (LEFT_OUT * float(np.std(curves))) ** 2
         moved = 0.0
         for k in incomplete:
             there = ~gaps[k]
@@ -152,7 +151,7 @@ def _filled(table: FloatArray) -> FloatArray:
             again = (mean + factor @ score)[gaps[k]]
             moved = max(moved, float(np.max(np.abs(again - out[k, gaps[k]]))))
             out[k, gaps[k]] = again
-        if moved < LEFT * float(np.std(out)):
+        if moved < LEFT_OUT * float(np.std(out)):
             break
         source = slice(None)
     return out

@@ -22,7 +22,7 @@ from hybridsurrogate.surrogates.emulation.between_places import (
     neighbours,
 )
 from hybridsurrogate.surrogates.emulation.components import Curves, principal, scatter_of
-from hybridsurrogate.surrogates.emulation.curves import LEAST_ROWS, LEAST_RUNS, distinct
+from hybridsurrogate.surrogates.emulation.curves import MIN_CURVE_ROWS, MIN_CURVES, distinct
 from hybridsurrogate.types import FloatArray
 
 
@@ -96,11 +96,11 @@ def field_of(X: FloatArray, omega: FloatArray, eta: FloatArray) -> Field | None:
         first, second = (np.unique(X[:, k], return_inverse=True) for k in along)
         shape = len(first[0]), len(second[0])
         n_places = shape[0] * shape[1]
-        if min(shape) < LEAST_ROWS or n_places * LEAST_RUNS > len(eta):
+        if min(shape) < MIN_CURVE_ROWS or n_places * MIN_CURVES > len(eta):
             continue
         others, run = distinct(np.hstack([np.delete(X, along, axis=1), omega]))
         n_runs = len(others)
-        if n_runs < LEAST_RUNS or n_places * n_runs > len(eta):
+        if n_runs < MIN_CURVES or n_places * n_runs > len(eta):
             continue
         column = first[1].ravel() * shape[1] + second[1].ravel()
         count = np.bincount(run * n_places + column, minlength=n_runs * n_places)

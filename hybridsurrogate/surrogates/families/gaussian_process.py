@@ -25,7 +25,7 @@ _DEGREE = {1: 30, 2: 10, 3: 7, 4: 5}
 # kernels with kinks need more
 _ROUGH_DEGREE = {1: 60, 2: 16, 3: 8, 4: 6}
 # the polynomials live on a range this much wider, beyond which the process is held constant
-_MARGIN = 1.15
+_RANGE_MARGIN = 1.15
 # share of the prior variance that stands for rounding
 _JITTER = 1e-10
 
@@ -165,7 +165,7 @@ class _ProcessBasis(Basis):
     def _products(self, points: FloatArray, dimensions: NDArray[np.int_]) -> FloatArray:
         out = np.ones((len(points), len(self.powers)))
         for k in dimensions:
-            inside = np.clip(points[:, k] / _MARGIN, -1.0, 1.0)
+            inside = np.clip(points[:, k] / _RANGE_MARGIN, -1.0, 1.0)
             out *= legendre(inside, int(self.powers.max())).T[:, self.powers[:, k]]
         return out
 
@@ -174,7 +174,7 @@ def _one_dimensional_factor(kernel: str, length_scale: FloatArray, degree: int) 
     """Return the Cholesky factor of the kernel projected on Legendre polynomials, (J, m, m).
 
     ``C_ab = integral P_a(s) k(s, t) P_b(t) ds dt`` over [-1, 1] in both, where one unit of s is
-    `_MARGIN` scaled units.
+    `_RANGE_MARGIN` scaled units.
     """
     weighted, distance = _quadrature(degree)
     correlation = _correlation(kernel, distance / length_scale[:, None, None])
@@ -188,7 +188,7 @@ def _one_dimensional_factor(kernel: str, length_scale: FloatArray, degree: int) 
 def _quadrature(degree: int) -> tuple[FloatArray, FloatArray]:
     """Return weighted polynomials at Gauss-Legendre nodes, (m, N), and distances, (N, N)."""
     node, weight = np.polynomial.legendre.leggauss(2 * degree + 10)
-    return legendre(node, degree) * weight, _MARGIN * np.abs(node[:, None] - node)
+    return legendre(node, degree) * weight, _RANGE_MARGIN * np.abs(node[:, None] - node)
 
 
 def _correlation(kernel: str, distance: FloatArray) -> FloatArray:

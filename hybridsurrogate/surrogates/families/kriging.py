@@ -16,6 +16,7 @@ from hybridsurrogate.numerics.linear_algebra import (
 from hybridsurrogate.simulation.design import draw_design
 from hybridsurrogate.surrogates.basis import Basis, Domain, Surrogate, register
 from hybridsurrogate.surrogates.emulation.covariance import (
+    MAX_DENSE,
     Places,
     Process,
     conditioned,
@@ -27,8 +28,7 @@ from hybridsurrogate.types import FloatArray
 
 # runs, and places between them, on which the features stand: at most so many, fewer where all
 # others are as good as known, to these shares of the variance of the outputs
-_MOST_STANDS, _RUN_FEATURES, _RUNS_KNOWN, _MORE_FEATURES, _KNOWN = 500, 200, 1e-5, 100, 3e-4
-_CANDIDATES = 1024
+_STANDS, _FEATURES, _REST, _MORE_FEATURES, _MORE_REST = 500, 200, 1e-5, 100, 3e-4
 
 
 class Kriging(Surrogate):
@@ -102,7 +102,7 @@ class Kriging(Surrogate):
             raise ValueError(needs)
         ranges = np.vstack([domain.input_ranges, domain.parameter_ranges])
         process = process_through(trend, ranges, domain.X, domain.omega, domain.eta)
-        runs = process.some(domain.X, domain.omega, domain.eta, _MOST_STANDS)
+        runs = process.some(domain.X, domain.omega, domain.eta, _STANDS)
         matrix = runs.places.alike(runs.places)
         sd = conditioned(matrix, process.covariance.nugget, runs.residual).sd[0]
         # outputs that are all the same would leave nothing to learn
@@ -126,10 +126,10 @@ def _stands(
     Journal of Machine Learning Research 6:1939, section 5): others are added there.
     """
     factor, chosen = pivoted_cholesky(
-        np.diagonal(matrix), lambda k: matrix[k], _RUNS_KNOWN * spread, _RUN_FEATURES
+        np.diagonal(matrix), lambda k: matrix[k], _REST * spread, _FEATURES
     )
     stands = runs.of(chosen)
-    points = draw_design(process.ranges.tolist(), _CANDIDATES, random_state=0)
+    points = draw_design(process.ranges.tolist(), MAX_DENSE, random_state=0)
     between_runs = process.places(points[:, :n_inputs], points[:, n_inputs:])
     white = solve_triangular(factor[chosen], stands.alike(between_runs), lower=True).T
     left = np.maximum(between_runs.variances() - np.sum(white**2, axis=1), 0.0)
@@ -137,7 +137,7 @@ def _stands(
     def column(k: int) -> FloatArray:
         return between_runs.alike(between_runs.of(slice(k, k + 1)))[:, 0] - white @ white[k]
 
-    _, more = pivoted_cholesky(left, column, _KNOWN * spread, _MORE_FEATURES)
+    _, more = pivoted_cholesky(left, column, _MORE_REST * spread, _MORE_FEATURES)
     return stands.joined(between_runs.of(more))
 
 

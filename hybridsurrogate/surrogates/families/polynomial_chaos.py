@@ -18,9 +18,9 @@ from hybridsurrogate.types import FloatArray, Prior
 # case studies, whose outputs have a spread of about one
 RELATIVE_SD = 5.0
 # a fit holds several matrices of terms x terms: of 10,000 terms each has 0.8 GB
-_MOST_TERMS = 10_000
+_MAX_TERMS = 10_000
 # of the powers of a sparse expansion: products of many inputs need a low degree in each
-_NORM = 0.75
+_SPARSITY_NORM = 0.75
 
 
 class PolynomialChaos(Surrogate):
@@ -68,10 +68,10 @@ class PolynomialChaos(Surrogate):
             raise TypeError(f"sparse must be True or False, got {self.sparse!r}.")
         n_terms = comb(len(ranges) + int(self.degree), len(ranges))
         # of a sparse one most are never looked at
-        if n_terms > _MOST_TERMS * (50 if self.sparse else 1):
+        if n_terms > _MAX_TERMS * (50 if self.sparse else 1):
             raise ValueError(
                 f"PolynomialChaos(degree={self.degree}) has {n_terms:.3g} terms in {len(ranges)} "
-                f"dimensions, more than the {_MOST_TERMS} for which there is memory: choose a "
+                f"dimensions, more than the {_MAX_TERMS} for which there is memory: choose a "
                 "lower degree, sparse=True, or Kriging()."
             )
         powers = multi_indices(len(ranges), int(self.degree))
@@ -97,7 +97,7 @@ def _few_terms(
     # scikit-learn's linear models take a tenth of a second to import
     from sklearn.linear_model import lars_path
 
-    kept = np.sum(powers**_NORM, axis=1) <= degree**_NORM + 1e-9
+    kept = np.sum(powers**_SPARSITY_NORM, axis=1) <= degree**_SPARSITY_NORM + 1e-9
     powers = powers[kept]
     n_inputs = len(domain.input_ranges)
     none = np.zeros(len(powers))

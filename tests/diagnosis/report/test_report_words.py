@@ -100,7 +100,7 @@ def test_the_sentences_of_a_gain():
 
 def test_the_words_for_what_runs_leave_open():
     estimator = SimpleNamespace(surrogate_=hs.PolynomialChaos(), emulation_=None)
-    check = EmulatorCheck(4e-7, 163.4, {"distance": 3, "t": 1})
+    check = EmulatorCheck(4e-7, 163.4, {"distance": 3, "t": 1}, 0.0, 0.0)
     view = SimpleNamespace(result=SimpleNamespace(emulator_check=check, before=estimator))
     known, missed, beyond = checks.emulator(view)
     assert "(3 along distance, 1 along t)" in beyond

@@ -200,10 +200,10 @@ def test_parameters_for_which_the_simulation_fails_are_impossible_and_reported()
     assert diagnosis.verdict_ == "adequate"
     notes = diagnosis.causes_.set_index("kind")["note"]
     failed = int(notes["none"].split()[4])
-    # half of the prior of the slope lies below one: 32 of 64, and three standard errors
-    assert abs(failed - 32) <= 12
+    # half of the prior of the slope lies below one: 25 of 50, and three standard errors
+    assert abs(failed - 25) <= 11
     assert notes["none"].endswith(
-        "of 64 sets of parameters from the priors, which count as impossible"
+        "of 50 sets of parameters from the priors, which count as impossible"
     )
     assert notes["offset"] == ""
 

@@ -41,7 +41,7 @@ def diagnosed(change, sample):
     diagnosis = hs.DiscrepancyDiagnosis(
         model, cv=None, random_state=0, n_replicates=40, exclude=kinds
     )
-    with mock.patch.object(forward_selection, "_SAMPLE", sample):
+    with mock.patch.object(forward_selection, "_N_SAMPLED_ROWS", sample):
         return diagnosis.fit(t[:, None], y)
 
 

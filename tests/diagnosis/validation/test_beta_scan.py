@@ -13,6 +13,7 @@ from hybridsurrogate.datasets import make_log_sin
 from hybridsurrogate.diagnosis.validation.beta_scan import best_beta, scan_beta
 from hybridsurrogate.diagnosis.validation.cross_validation import random_folds
 from hybridsurrogate.effects.context import Axis
+from hybridsurrogate.model.rows.measured_data import GivenRows
 
 
 def line(t, level, slope):
@@ -34,8 +35,8 @@ def test_trust_rises_once_the_fault_is_named():
     parabola = hs.Trend("t", degree=2, axis=Axis.of([0.0, 14.0]))
     after = clone(before).set_params(effects=(parabola,))
     betas = np.array([0.05, 0.5, 0.9])
-    X = t[:, None]
-    scan = scan_beta((before, after), betas, random_folds(40, 2, 0), X, y, None)
+    rows = GivenRows(t[:, None], y)
+    scan = scan_beta((before, after), betas, random_folds(40, 2, 0), rows, None)
     assert list(scan.columns) == ["beta", "before", "after", "before_error", "after_error"]
     first, then = best_beta(scan, "before"), best_beta(scan, "after")
     assert first < then
@@ -46,7 +47,7 @@ def test_trust_rises_once_the_fault_is_named():
     # with most of the weight on the runs, a straight line cannot follow the bend
     assert scan["after"].iloc[-1] > scan["before"].iloc[-1] + 0.5
     # however many processes share the folds
-    shared = scan_beta((before, after), betas, random_folds(40, 2, 0), X, y, 2)
+    shared = scan_beta((before, after), betas, random_folds(40, 2, 0), rows, 2)
     assert_frame_equal(scan, shared, rtol=1e-9)
 
 

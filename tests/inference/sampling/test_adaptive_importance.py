@@ -121,7 +121,7 @@ def test_a_proposal_that_bends_is_a_density_and_draws_from_it():
     rng = np.random.default_rng(0)
     x = rng.standard_normal((4000, 2))
     x[:, 1] = 0.5 * x[:, 0] ** 2 + 0.3 * np.exp(0.4 * x[:, 0]) * x[:, 1]
-    around = Gaussian(x.mean(axis=0), np.linalg.cholesky(np.cov(x.T)))
+    around = Gaussian(x.mean(axis=0), np.linalg.cholesky(np.cov(x.T)), 0.0)
     for one in bent(x, np.full(4000, 1 / 4000), [around]):
         at = np.stack(np.meshgrid(np.linspace(-15, 15, 801), np.linspace(-30, 60, 3001)), axis=-1)
         cell = (30 / 800) * (90 / 3000)
@@ -187,7 +187,7 @@ def test_khat_does_not_condemn_the_steps_of_a_plateau():
         high = np.where(np.abs(z + 0.5) < 0.006, 6.0, 1 + 1e-3 * np.tanh(z))
         return base.logpdf(z) + np.log(np.where(np.abs(z - 0.5) < 0.02, 2.0, high))
 
-    modes = [Gaussian(np.zeros(1), np.eye(1))]
+    modes = [Gaussian(np.zeros(1), np.eye(1), 0.0)]
     found = importance_draws(steps, modes, 2000, 2000, np.random.RandomState(0), max_rounds=1)
     at, log_proposal = found.proposals.points, found.proposals.log_density
     assert pareto_smooth(steps(at) - log_proposal)[1] > 0.7

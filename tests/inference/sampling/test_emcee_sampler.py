@@ -17,7 +17,7 @@ def narrow(x):
     return -0.5 * np.sum((x / [1.0, 3.0, 0.2]) ** 2, axis=1)
 
 
-MODES = [Gaussian(np.zeros(3), np.diag([1.0, 3.0, 0.2]))]
+MODES = [Gaussian(np.zeros(3), np.diag([1.0, 3.0, 0.2]), 0.0)]
 
 
 def run(sampler, log_density=narrow, seed=0):
@@ -155,7 +155,7 @@ def test_a_ridge_of_any_narrowness():
     """As measurements without noise leave one: emcee alone refuses to start there."""
     sds = np.array([1.0, 1e-9])
     turned = np.array([[1.0, 1.0], [-1.0, 1.0]]) / np.sqrt(2)
-    ridge = Gaussian(np.zeros(2), turned.T * sds)
+    ridge = Gaussian(np.zeros(2), turned.T * sds, 0.0)
 
     def log_density(x):
         return -0.5 * np.sum((x @ turned.T / sds) ** 2, axis=1)

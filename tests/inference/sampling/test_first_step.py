@@ -174,7 +174,7 @@ TAILS = stats.multivariate_t(MEAN, FACTOR @ FACTOR.T, df=2)
 
 def test_proposals_that_bend_have_the_constant_of_heavy_tails(monkeypatch):
     # as where few draws count
-    settings = replace(posterior_sampler.SETTINGS, enough_effective=np.inf)
+    settings = replace(posterior_sampler.SETTINGS, min_effective_share=np.inf)
     monkeypatch.setattr(posterior_sampler, "SETTINGS", settings)
     found = drawn(TAILS.logpdf)
     assert found.diagnostics.sampler == "importance"

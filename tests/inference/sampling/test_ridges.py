@@ -65,7 +65,7 @@ def test_a_mode_beyond_the_end_of_a_prior_is_left_towards_the_data_alone():
 
     hessian = np.array([[1, 1, 0], [1, 1, 0], [0, 0, 0]]) / 0.05**2 + np.eye(3) / 9
     factor = np.linalg.cholesky(np.linalg.inv(hessian))
-    ridge = ridge_through(Valley(), Gaussian(np.full(3, 8.0), factor))
+    ridge = ridge_through(Valley(), Gaussian(np.full(3, 8.0), factor, 0.0))
     assert np.all(np.diff(ridge.curve.x) > 0)
     assert ridge.curve.x[-1] < 8.2
 
@@ -73,7 +73,7 @@ def test_a_mode_beyond_the_end_of_a_prior_is_left_towards_the_data_alone():
 def test_elongation_does_not_depend_on_the_axes():
     turned = np.array([[0.6, -0.8], [0.8, 0.6]])
     covariance = turned @ np.diag([100.0, 0.25]) @ turned.T
-    mode = Gaussian(np.zeros(2), np.linalg.cholesky(covariance))
+    mode = Gaussian(np.zeros(2), np.linalg.cholesky(covariance), 0.0)
     assert elongation(mode) == pytest.approx(np.sqrt(100.0 / 0.25))
 
 

@@ -7,8 +7,8 @@ import math
 import pandas as pd
 
 from hybridsurrogate.diagnosis.checks.parameters import confounded, sentences_on_parameters
-from hybridsurrogate.diagnosis.checks.residuals import STRANGE
-from hybridsurrogate.diagnosis.checks.simulation import MOST_MISSED, advice_on_runs
+from hybridsurrogate.diagnosis.checks.residuals import RESIDUAL_LEVEL
+from hybridsurrogate.diagnosis.checks.simulation import MAX_MISSED, advice_on_runs
 from hybridsurrogate.diagnosis.report.details import pictures
 from hybridsurrogate.diagnosis.report.details.evidence import (
     failing_causes,
@@ -53,7 +53,7 @@ def emulator(view: View) -> list[str]:
         " the noise, which is part of every comparison.",
         f"The surrogate, trained on the runs alone, differs from them by {_times(check.missed)} "
         "the noise there. The comparisons do without it, and the predictions rest on it"
-        + (f": {advice_on_runs(result.before.surrogate_)}." if check.missed > MOST_MISSED else "."),
+        + (f": {advice_on_runs(result.before.surrogate_)}." if check.missed > MAX_MISSED else "."),
     ]
     if check.scatter:
         out.append(
@@ -153,7 +153,7 @@ def _residual_structure(view: View) -> list[str]:
     check = result.conclusion.residual_check
     if result.conclusion.verdict in ("adequate", "undecided", "unexplained") or not view.extended:
         return []
-    if check is not None and check.p_value <= STRANGE:
+    if check is not None and check.p_value <= RESIDUAL_LEVEL:
         what, _, column = check.worst.partition(" over ")
         over = f" over {column}" if column else ""
         kind = {

@@ -62,7 +62,7 @@ def probability_of_smooth_curve(view: View) -> float:
 def needs_smooth_curve(view: View) -> bool:
     """Return whether the causes that were found leave something to explain."""
     nearest = view.result.conclusion.verdict == "nearest"
-    return nearest or probability_of_smooth_curve(view) > CHECKS.half
+    return nearest or probability_of_smooth_curve(view) > CHECKS.majority
 
 
 def failing_causes(view: View) -> pd.DataFrame:
@@ -144,12 +144,12 @@ def _failing(view: View) -> list[str]:
     failing = failing_causes(view)
     out = []
     columns = ["kind", "target", "form", "note"]
-    for kind, target, form, note in failing[columns].head(SETTINGS.most_listed).to_numpy():
+    for kind, target, form, note in failing[columns].head(SETTINGS.max_listed).to_numpy():
         variant = form.removeprefix(kind).removeprefix(": ")
         under = "As it is" if kind == "none" else f"With {label(kind, target, variant)}"
         out.append(f"{under} {note}.")
-    if len(failing) > SETTINGS.most_listed:
-        out.append(f"The notes in causes_ list {len(failing) - SETTINGS.most_listed} more.")
+    if len(failing) > SETTINGS.max_listed:
+        out.append(f"The notes in causes_ list {len(failing) - SETTINGS.max_listed} more.")
     return out
 
 

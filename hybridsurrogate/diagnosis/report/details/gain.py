@@ -12,7 +12,7 @@ from hybridsurrogate.diagnosis.report.details import pictures
 from hybridsurrogate.diagnosis.report.elements.section import Picture, Section, Table
 from hybridsurrogate.diagnosis.report.elements.view import View
 from hybridsurrogate.diagnosis.validation.beta_scan import has_weight, is_slow
-from hybridsurrogate.diagnosis.validation.gain import HALF, HeldOutGain
+from hybridsurrogate.diagnosis.validation.gain import INNER_LEVEL, HeldOutGain
 from hybridsurrogate.numerics import digits
 from hybridsurrogate.scoring.scores import COVERAGE_LEVEL, last_of_the_best
 
@@ -85,7 +85,7 @@ def score_table(view: View, gain: HeldOutGain) -> pd.DataFrame:
     ]
     for level, before, after in (
         (COVERAGE_LEVEL, gain.coverage_before, gain.coverage_after),
-        (HALF, gain.half_before, gain.half_after),
+        (INNER_LEVEL, gain.half_before, gain.half_after),
     ):
         name = f"covered by {100 * level:.0f} % intervals"
         rows.append((name, digits.percent(before), digits.percent(after), ""))

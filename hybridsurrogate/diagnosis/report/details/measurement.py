@@ -40,10 +40,10 @@ def _sentences(view: View, worth: str) -> list[str]:
     first, *others = view.alternatives(asked)
     if not others:
         return ["There is one explanation only: nothing to separate."]
-    if result.next_measurement.information < SETTINGS.little_information:
+    if result.next_measurement.information < SETTINGS.min_information:
         why = (
             "the data have decided between them"
-            if asked.probability.max() >= EVIDENCE.named
+            if asked.probability.max() >= EVIDENCE.naming_level
             else "within what was simulated they predict nearly the same"
         )
         return [

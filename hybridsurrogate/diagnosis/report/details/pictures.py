@@ -20,7 +20,7 @@ from hybridsurrogate.diagnosis.report.elements.view import (
 )
 from hybridsurrogate.diagnosis.validation.beta_scan import best_beta
 from hybridsurrogate.diagnosis.validation.gain import HeldOutGain
-from hybridsurrogate.effects.context import MOST_EXPERIMENTS
+from hybridsurrogate.effects.context import MAX_EXPERIMENTS
 from hybridsurrogate.numerics import digits
 from hybridsurrogate.plotting import AFTER, BEFORE, Predicted
 from hybridsurrogate.scoring.scores import COVERAGE_LEVEL
@@ -122,7 +122,8 @@ def _start(view: View, held: tuple[FloatArray, FloatArray] | None) -> float | No
         if "period" in finding.estimates and getattr(cause, "column", view.name) == view.name
     ]
     end = float(view.x.max() if held is None else max(view.x.max(), held[0].max()))
-    start = end - SETTINGS.most_periods * min(periods, default=np.inf)
+    # more than 15 periods would be a block of colour
+    start = end - 15 * min(periods, default=np.inf)
     return start if start > float(view.x.min()) and np.sum(view.x >= start) > 1 else None
 
 
@@ -146,7 +147,7 @@ def experiment_column(view: View) -> str | None:
     few = [
         name
         for name, values in zip(view.columns, view.X.T, strict=True)
-        if name not in view.inputs and 2 <= len(np.unique(values)) <= MOST_EXPERIMENTS
+        if name not in view.inputs and 2 <= len(np.unique(values)) <= MAX_EXPERIMENTS
     ]
     read = (name for _, cause in view.findings for name in cause.reads if cause.changes_output)
     return next((name for name in read if name in few), None)
@@ -207,7 +208,7 @@ def picture_course(view: View, course: pd.DataFrame) -> Drawn:
 
 def picture_causes(view: View) -> Drawn:
     """Draw the probabilities of the causes."""
-    candidates, probabilities = zip(*view.candidates[: SETTINGS.most_causes], strict=True)
+    candidates, probabilities = zip(*view.candidates[: SETTINGS.max_causes], strict=True)
     names = [label_of(candidate) for candidate in candidates]
     chosen = next((k for k, one in enumerate(candidates) if one.cause is view.cause), None)
     axes = plotting.new_axes(height=1.0 + 0.32 * len(names))

@@ -101,9 +101,9 @@ def _curve(view: View) -> str:
         )
     spans = [
         f"{'above' if sign > 0 else 'below'} from {digits.number(low)} to {digits.number(high)}"
-        for low, high, sign in stretches[: SETTINGS.most_listed]
+        for low, high, sign in stretches[: SETTINGS.max_listed]
     ]
-    rest = len(stretches) - SETTINGS.most_listed
+    rest = len(stretches) - SETTINGS.max_listed
     more = f" and {rest} more stretches" if rest > 0 else ""
     return (
         "A smooth curve through the residuals of the simulation excludes zero (pointwise 90 % "

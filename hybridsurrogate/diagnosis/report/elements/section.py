@@ -15,7 +15,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
-from hybridsurrogate.diagnosis.report.elements.view import SETTINGS, View
+from hybridsurrogate.diagnosis.report.elements.view import View
 from hybridsurrogate.types import FloatArray
 
 
@@ -175,5 +175,6 @@ def _numbers(axes: Sequence[Axes]) -> pd.DataFrame:
 
 def logarithmic(ax: Axes, view: View, y: FloatArray) -> None:
     """Make the y axis logarithmic where the model is, and the outputs span decades."""
-    if view.log_scale and y.min() > 0 and np.log10(y.max() / y.min()) > SETTINGS.log_axis_decades:
+    # over one and a half decades small outputs would be a flat line
+    if view.log_scale and y.min() > 0 and np.log10(y.max() / y.min()) > 1.5:
         ax.set_yscale("log")

@@ -26,7 +26,7 @@ def compared_causes(view: View) -> pd.DataFrame:
     candidates = view.search.candidates
     evidence = total_evidence(candidates)
     above_none = {id(w): value - evidence[0] for w, value in zip(candidates, evidence, strict=True)}
-    shown = view.candidates[: SETTINGS.most_causes]
+    shown = view.candidates[: SETTINGS.max_causes]
     return pd.DataFrame(
         {
             "cause": [form_of(w.cause) if w.cause else "nothing" for w, _ in shown],

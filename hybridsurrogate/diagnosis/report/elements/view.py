@@ -14,7 +14,7 @@ from scipy import special
 
 from hybridsurrogate.arguments import check_units
 from hybridsurrogate.diagnosis.fitting.result import DiagnosisResult
-from hybridsurrogate.diagnosis.search.candidate import LEAST_PROBABLE, Candidate
+from hybridsurrogate.diagnosis.search.candidate import MIN_PROBABILITY, Candidate
 from hybridsurrogate.diagnosis.search.search import Search, predict_locally
 from hybridsurrogate.diagnosis.validation.refit import added_causes
 from hybridsurrogate.effects.base import Cause
@@ -25,7 +25,7 @@ from hybridsurrogate.model.rows.stacking import Stacking
 from hybridsurrogate.numerics import digits
 from hybridsurrogate.plotting import Prediction
 from hybridsurrogate.simulation.outputs import OUTPUT
-from hybridsurrogate.simulation.variables import MOST_LEVELS
+from hybridsurrogate.simulation.variables import MAX_LEVELS
 from hybridsurrogate.types import FloatArray
 
 if TYPE_CHECKING:
@@ -39,30 +39,21 @@ class ReportSettings:
 
     Attributes
     ----------
-    little_information : float
+    min_information : float
         Expected information in bits below which one more measurement is hardly worth it.
-    most_listed : int
+    max_listed : int
         Things that a sentence lists.
-    most_causes : int
+    max_causes : int
         Causes in the table and in the picture, at most.
     as_probable : float
         A form of the same kind with more than this share of the cause's probability may be it as
         well.
-    bins : int
-        Of residuals.
-    log_axis_decades : float
-        A range so wide that small outputs would be a flat line.
-    most_periods : int
-        Periods of a cycle in the first picture, at most; more would be a block of colour.
     """
 
-    little_information: float = 0.07
-    most_listed: int = 4
-    most_causes: int = 8
+    min_information: float = 0.07
+    max_listed: int = 4
+    max_causes: int = 8
     as_probable: float = 0.25
-    bins: int = 5
-    log_axis_decades: float = 1.5
-    most_periods: int = 15
 
 
 SETTINGS = ReportSettings()
@@ -330,7 +321,7 @@ class View:
     ) -> FloatArray:
         """Return rows that vary the shown column, the others at their medians or at one row."""
         known = np.unique(self.x)
-        few = self.name not in self.inputs and len(known) <= MOST_LEVELS
+        few = self.name not in self.inputs and len(known) <= MAX_LEVELS
         # between its few values a column such as a batch means nothing
         values = known if few else np.linspace(low, high, n)
         row = np.median(self.X, axis=0) if at is None else at
@@ -347,8 +338,8 @@ class View:
         """Return the most probable explanations, at least two where there are two."""
         return [
             candidate
-            for place, (candidate, p) in enumerate(_ranked(result)[: SETTINGS.most_listed])
-            if place < 2 or p > LEAST_PROBABLE
+            for place, (candidate, p) in enumerate(_ranked(result)[: SETTINGS.max_listed])
+            if place < 2 or p > MIN_PROBABILITY
         ]
 
     def other_forms(self) -> list[Candidate]:
@@ -487,5 +478,6 @@ def root_mean_square(values: FloatArray) -> float:
 def _explained(x: FloatArray, curve: FloatArray) -> float:
     """Return the spread of a curve's mean over bins of a column with equally many rows."""
     order = np.argsort(x, kind="stable")
-    parts = np.array_split(curve[order], min(SETTINGS.bins, len(curve)))
+    # five bins at most
+    parts = np.array_split(curve[order], min(5, len(curve)))
     return float(np.std([part.mean() for part in parts]))
