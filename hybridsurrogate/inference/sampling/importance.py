@@ -80,9 +80,10 @@ class Bent:
 
     def _given_before(self, y: FloatArray, j: int) -> tuple[FloatArray, FloatArray]:
         terms = _terms(y[:, :j])
-        # a line that is extrapolated makes a width of any size
-        log_width = np.clip(terms[:, : j + 1] @ self.widths[j], 2 * np.log(SINGULAR), Z_LIMIT)
-        return terms @ self.centres[j], np.exp(log_width)
+        # lines that are extrapolated reach any place and any width: as far as priors do
+        log_width = terms[:, : j + 1] @ self.widths[j]
+        width = np.exp(np.clip(log_width, 2 * np.log(SINGULAR), np.log(Z_LIMIT)))
+        return np.clip(terms @ self.centres[j], -Z_LIMIT, Z_LIMIT), width
 
 
 def _terms(y: FloatArray) -> FloatArray:
