@@ -154,7 +154,7 @@ def _improved(
             sampled, modes = along, modes[:1]
             few = sampled.effective_draws < SETTINGS.min_effective_share * n
     if few:
-        args = sampled, modes, _as_wide_as_priors(modes[0]), max(n, MOST_PROPOSALS), random_state
+        args = sampled, modes, _as_wide_as_priors(modes[0]), MOST_PROPOSALS, random_state
         again = growing_draws(target.extended_log_density, *args)
         sampled = again if again.khat <= max(sampled.khat, KHAT_LIMIT) else sampled
     return sampled, modes

@@ -28,11 +28,11 @@ LEFT_OUT, _MAX_COMPONENTS = 1e-3, 40
 
 
 # repeated runs that a changing noise is learned from, at random of more: time grows with their cube
-_MOST = 300
+_LEARNED_REPEATS = 300
 # bounds of the variance of its log, where a low one is a constant, and of lengths in ranges
 _AMPLITUDES, _LENGTHS = (1e-5, 1e2), (0.2, 100.0)
 # of the pooled variance: repeats that agree have no logarithm
-_LEAST = 1e-4
+_LEAST_SHARE = 1e-4
 
 
 class Noise(NamedTuple):
@@ -86,9 +86,9 @@ class Noise(NamedTuple):
         from sklearn.gaussian_process import GaussianProcessRegressor
         from sklearn.gaussian_process.kernels import RBF, ConstantKernel
 
-        some = np.random.default_rng(0).permutation(repeated)[:_MOST]
+        some = np.random.default_rng(0).permutation(repeated)[:_LEARNED_REPEATS]
         half, variance = degrees[some] / 2, squares[some] / degrees[some]
-        log = np.log(np.maximum(variance / pooled, _LEAST)) - digamma(half) + np.log(half)
+        log = np.log(np.maximum(variance / pooled, _LEAST_SHARE)) - digamma(half) + np.log(half)
         error = polygamma(1, half)
         kernel = ConstantKernel(1.0, _AMPLITUDES) * RBF(np.ones(len(low)), _LENGTHS)
         process = GaussianProcessRegressor(kernel, alpha=error, random_state=0)
