@@ -247,7 +247,7 @@ def _bent(points: FloatArray, weight: FloatArray, around: Gaussian, axes: FloatA
         loose = _regressed(terms, y[:, j], weight, 0.0)
         variance = float(weight @ (y[:, j] - terms @ loose) ** 2)
         centres.append(_regressed(terms, y[:, j], weight, variance / effective))
-        # an unknown that the others determine has none
+        # an axis that those before it determine leaves none
         squares = (y[:, j] - terms @ centres[-1]) ** 2 + SINGULAR**2
         squares += NEGLIGIBLE * (weight @ squares)
         logs = np.log(squares) - _LOG_CHI2_MEAN
