@@ -20,6 +20,9 @@ class SamplingSettings:
     prior_proposal_share : float
         Share of these that the priors have, next to all others. At the least share of any proposal,
         draws of a noise whose added part may be zero need an ensemble.
+    converged_spread : float
+        Relative change of standard deviations between two rounds of these at which they are
+        steady. Where k-hat alone decides, a fit with two hierarchies takes 22 s instead of 2.
     evidence_starts : int
         Starts from which the modes of an evidence are sought: 148 evidences of counts and heavy
         tails differ by less than 0.3 nats from those from four starts.
@@ -91,6 +94,7 @@ class SamplingSettings:
     min_proposals: int = 1000
     min_effective_share: float = 0.1
     prior_proposal_share: float = 0.2
+    converged_spread: float = 0.05
     evidence_starts: int = 2
     adapted_khat: float = 0.3
     min_mode_share: float = 1e-3
