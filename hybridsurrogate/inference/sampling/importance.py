@@ -224,9 +224,10 @@ def bent(points: FloatArray, weight: FloatArray, components: list[Gaussian]) -> 
         if mass > SETTINGS.min_mode_share:
             counted = own > SINGULAR * own.max()
             of_it = points[counted], own[counted] / mass
-            values, axes = np.linalg.eigh(one.factor @ one.factor.T)
+            # of the root: eigenvalues of the covariance along a thin bend are less than rounding
+            axes, sd, _ = np.linalg.svd(one.factor)
             unknowns = np.diag(np.linalg.norm(one.factor, axis=1))
-            out += [_bent(*of_it, one, scaled) for scaled in (unknowns, axes * np.sqrt(values))]
+            out += [_bent(*of_it, one, scaled) for scaled in (unknowns, axes * sd)]
     return out
 
 
