@@ -447,7 +447,10 @@ class SurrogateEstimator(RegressorMixin, CheckedEstimator):
         if below is None and above is None:
             return -np.inf, np.inf
         if self.data_.stacking is not None:
-            raise ValueError("below and above are limits of one output; the fit had several.")
+            raise ValueError(
+                "below and above are limits of one output, and the fit had several: leave them "
+                "out, or fit that output alone."
+            )
         return limits_of_rows(n, below, above)
 
     def _at_limits(

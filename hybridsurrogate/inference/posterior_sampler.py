@@ -144,7 +144,7 @@ def _improved(
     if adapted and thin and not has_lines and target.n_dimensions > 2:
         along = _ridge_draws(target, minor, n, n_draws, random_state)
         if along is not None and along.khat > SETTINGS.adapted_khat:
-            # the optimiser may have stopped beside a ridge as narrow as its steps resolve
+            # the optimiser may have stopped next to a ridge as narrow as its steps resolve
             points = along.proposals.points
             best = points[[int(np.argmax(target.search_density(points)))]]
             climbed = find_modes(target.search_density, best, target.model.least_step)
