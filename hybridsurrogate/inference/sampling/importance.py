@@ -35,11 +35,11 @@ _LOG_CHI2_VARIANCE = np.pi**2 / 2
 
 @dataclass(frozen=True)
 class Bent:
-    """A Student-t proposal in which each axis follows those before it on a bent course.
+    """A Student-t proposal in which all axes follow the first few on a bent course.
 
-    Given these its centre is linear in all of them and quadratic in the first four, and the log
-    of its width linear in all: a triangular map of a Student-t (Parno and Marzouk 2018, SIAM/ASA
-    Journal on Uncertainty Quantification 6:645).
+    Given those before it each of the first axes has a centre quadratic and a log width linear in
+    them, and so have all others given the first, correlated as they are: a triangular map of a
+    Student-t (Parno and Marzouk 2018, SIAM/ASA Journal on Uncertainty Quantification 6:645).
 
     Attributes
     ----------
@@ -47,24 +47,23 @@ class Bent:
     axes : ndarray of shape (d, d)
         In its columns, each as long as the points spread that it was fitted to; the one that the
         others follow best is the first.
-    centres, widths : tuple of ndarray
-        Coefficients of each axis.
+    courses : tuple of _Course
+        Of each of the first axes, and of all others.
     log_mass : float
         Of the density that is proposed for.
     """
 
     mean: FloatArray
     axes: FloatArray
-    centres: tuple[FloatArray, ...]
-    widths: tuple[FloatArray, ...]
+    courses: tuple[_Course, ...]
     log_mass: float
 
     def draws(self, n: int, random_state: np.random.RandomState) -> FloatArray:
         """Draw n points."""
         y = PROPOSAL_SCALE * standard_student_draws((n, len(self.axes)), random_state)
-        for j in range(len(self.axes)):
-            centre, width = self._given_before(y, j)
-            y[:, j] = centre + width * y[:, j]
+        for one in self.courses:
+            centre, width = one.given(y)
+            y[:, one.axes] = centre + width * (y[:, one.axes] @ one.factor.T)
         return self.mean + y @ self.axes.T
 
     def log_density(self, x: FloatArray) -> FloatArray:
@@ -72,26 +71,37 @@ class Bent:
         y = np.linalg.solve(self.axes, (x - self.mean).T).T
         squares = np.zeros(len(x))
         log_det = np.full(len(x), np.linalg.slogdet(self.axes)[1])
-        for j in range(len(self.axes)):
-            centre, width = self._given_before(y, j)
-            squares += ((y[:, j] - centre) / (PROPOSAL_SCALE * width)) ** 2
-            log_det += np.log(PROPOSAL_SCALE * width)
+        for one in self.courses:
+            centre, width = one.given(y)
+            off = np.linalg.inv(one.factor) @ ((y[:, one.axes] - centre) / width).T
+            squares += np.einsum("kj,kj->j", off, off) / PROPOSAL_SCALE**2
+            log_det += np.log(PROPOSAL_SCALE * np.diag(one.factor)).sum()
+            log_det += np.log(width).sum(axis=1)
         return standard_student(squares, len(self.axes)) - log_det
 
-    def _given_before(self, y: FloatArray, j: int) -> tuple[FloatArray, FloatArray]:
-        terms = _terms(y[:, :j])
+
+class _Course(NamedTuple):
+    """The course of some axes, one after the other, over those before them."""
+
+    axes: slice
+    centres: FloatArray
+    widths: FloatArray
+    factor: FloatArray
+
+    def given(self, y: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return centres and widths of these axes at points of which those before are known."""
+        terms = _terms(y[:, : self.axes.start])
         # lines that are extrapolated reach any place and any width: as far as priors do
-        log_width = terms[:, : j + 1] @ self.widths[j]
+        log_width = terms[:, : len(self.widths)] @ self.widths
         width = np.exp(np.clip(log_width, 2 * np.log(SINGULAR), np.log(Z_LIMIT)))
-        return np.clip(terms @ self.centres[j], -Z_LIMIT, Z_LIMIT), width
+        return np.clip(terms @ self.centres, -Z_LIMIT, Z_LIMIT), width
 
 
 def _terms(y: FloatArray) -> FloatArray:
-    """Return 1, the columns of y (J, k), and products of the first; y as far as priors reach."""
+    """Return 1, the columns of y (J, k) and their products; y as far as priors reach."""
     y = np.clip(y, -Z_LIMIT, Z_LIMIT)
-    first = y[:, : SETTINGS.bending_axes]
-    rows, columns = np.triu_indices(first.shape[1])
-    return np.hstack([np.ones((len(y), 1)), y, first[:, rows] * first[:, columns]])
+    rows, columns = np.triu_indices(y.shape[1])
+    return np.hstack([np.ones((len(y), 1)), y, y[:, rows] * y[:, columns]])
 
 
 Component = Gaussian | Bent
@@ -232,48 +242,68 @@ def bent(points: FloatArray, weight: FloatArray, components: list[Gaussian]) -> 
 
 
 def _bent(points: FloatArray, weight: FloatArray, around: Gaussian, axes: FloatArray) -> Bent:
-    """Return the bends that weighted points (J, d) have: regressions under priors of unit width.
+    """Return the bends that weighted points (J, d) have."""
+    y = np.linalg.solve(axes, (points - around.mean).T).T
+    order = _order(y, weight)
+    y = y[:, order]
+    first = min(SETTINGS.bending_axes, len(order))
+    parts = [slice(j, j + 1) for j in range(first)]
+    if first < len(order):
+        parts.append(slice(first, len(order)))
+    courses = tuple(_course(y, weight, part) for part in parts)
+    return Bent(around.mean, axes[:, order], courses, around.log_mass)
+
+
+def _course(y: FloatArray, weight: FloatArray, axes: slice) -> _Course:
+    """Return the course of some axes of weighted points: regressions under priors of unit width.
 
     The log width is half the regression of the log squared residuals, whose mean and variance under
     a normal are those of log chi2(1).
     """
-    y = np.linalg.solve(axes, (points - around.mean).T).T
     effective = float(1 / np.sum(weight**2))
-    order = _order(y, weight)
-    y = y[:, order]
-    centres, widths = [], []
-    for j in range(len(order)):
-        terms = _terms(y[:, :j])
-        linear = terms[:, : j + 1]
-        loose = _regressed(terms, y[:, j], weight, 0.0)
-        variance = float(weight @ (y[:, j] - terms @ loose) ** 2)
-        centres.append(_regressed(terms, y[:, j], weight, variance / effective))
-        # an axis that those before it determine leaves none
-        squares = (y[:, j] - terms @ centres[-1]) ** 2 + SINGULAR**2
-        squares += NEGLIGIBLE * (weight @ squares)
-        logs = np.log(squares) - _LOG_CHI2_MEAN
-        slope = 0.5 * _regressed(linear, logs, weight, _LOG_CHI2_VARIANCE / effective)
-        left = weight @ (squares * np.exp(-2 * (linear[:, 1:] @ slope[1:])))
-        # as in `moment_match`, for points that are few next to the coefficients
-        slope[0] = 0.5 * np.log(left * (1 + 2 * terms.shape[1] / effective))
-        widths.append(slope)
-    return Bent(around.mean, axes[:, order], tuple(centres), tuple(widths), around.log_mass)
+    terms, values = _terms(y[:, : axes.start]), y[:, axes]
+    linear = terms[:, : axes.start + 1]
+    loose = _regressed(terms, values, weight, np.zeros(values.shape[1]))
+    variance = weight @ (values - terms @ loose) ** 2
+    centres = _regressed(terms, values, weight, variance / effective)
+    # an axis that those before it determine leaves none
+    residuals = values - terms @ centres
+    squares = residuals**2 + SINGULAR**2
+    squares += NEGLIGIBLE * (weight @ squares)
+    logs = np.log(squares) - _LOG_CHI2_MEAN
+    pull = np.full(values.shape[1], _LOG_CHI2_VARIANCE / effective)
+    widths = 0.5 * _regressed(linear, logs, weight, pull)
+    left = weight @ (squares * np.exp(-2 * (linear[:, 1:] @ widths[1:])))
+    widths[0] = 0.5 * np.log(left)
+    scaled = residuals / np.exp(linear @ widths)
+    around = Gaussian(np.zeros(len(left)), np.eye(len(left)), 0.0)
+    factor = moment_match(scaled, weight, around).factor
+    # as in `moment_match`, for points that are few next to the coefficients
+    widths[0] += 0.5 * np.log(1 + 2 * terms.shape[1] / effective)
+    return _Course(axes, centres, widths, factor)
 
 
 def _regressed(
-    terms: FloatArray, values: FloatArray, weight: FloatArray, pull: float
+    terms: FloatArray, values: FloatArray, weight: FloatArray, pull: FloatArray
 ) -> FloatArray:
-    """Return coefficients of terms (J, k) by weighted least squares, all but the first pulled."""
-    weighted = terms * weight[:, None]
-    penalty = np.full(terms.shape[1], pull + SINGULAR)
-    penalty[0] = 0.0
-    gram = weighted.T @ terms + np.diag(penalty)
-    out: FloatArray = np.linalg.solve(gram, weighted.T @ values)
+    """Return coefficients (p, k) of terms (J, p), each column of values by weighted least squares.
+
+    All but the first are pulled to zero, in each column by another strength.
+    """
+    weighted = (terms * weight[:, None]).T
+    penalty = np.eye(terms.shape[1]) * (pull + SINGULAR)[:, None, None]
+    penalty[:, 0, 0] = 0.0
+    right = (weighted @ values).T[:, :, None]
+    out: FloatArray = np.linalg.solve(weighted @ terms + penalty, right)[:, :, 0].T
     return out
 
 
 def _order(y: FloatArray, weight: FloatArray) -> NDArray[np.intp]:
     """Return the order of axes: next is the one that the rest follow best with those before it."""
+    share = np.cumsum(weight) / np.sum(weight)
+    some = (np.arange(SETTINGS.min_proposals) + 0.5) / SETTINGS.min_proposals
+    y = y[np.minimum(np.searchsorted(share, some), len(y) - 1)]
+    equal = np.full(len(y), 1 / len(y))
     order: list[int] = []
     rest = list(range(y.shape[1]))
     while len(rest) > 1 and len(order) < SETTINGS.bending_axes:
@@ -281,8 +311,8 @@ def _order(y: FloatArray, weight: FloatArray) -> NDArray[np.intp]:
         for k in rest:
             terms = _terms(y[:, [*order, k]])
             others = y[:, [j for j in rest if j != k]]
-            off = others - terms @ _regressed(terms, others, weight, 0.0)
-            left.append(np.sum(np.log(weight @ off**2 + SINGULAR**2)))
+            off = others - terms @ _regressed(terms, others, equal, np.zeros(others.shape[1]))
+            left.append(np.sum(np.log(equal @ off**2 + SINGULAR**2)))
         order.append(rest.pop(int(np.argmin(left))))
     return np.array([*order, *rest])
 
