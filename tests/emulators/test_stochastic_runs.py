@@ -236,6 +236,29 @@ def test_a_path_without_repeated_runs_is_no_discrepancy_but_open():
         assert "next_runs" not in str(diagnosis.report())
 
 
+def test_no_further_run_is_spent_where_repeats_are_needed():
+    random = np.random.default_rng(3)
+    t = np.sort(random.uniform(0.2, 9.8, 50))
+    y = mean(t, 0.5, 2.0) + path(t, 1, random)[0] + 0.03 * random.standard_normal(50)
+
+    def run(t, rate, level):
+        raise AssertionError("run once more")
+
+    simulator = hs.Simulator(run, {"t": (0, 10)}, PRIORS, returns="curve")
+    model = hs.PowerScaledSurrogate(
+        curves(n=160, repeats=1), surrogate=hs.Kriging(), n_draws=200, random_state=0
+    )
+    diagnosis = hs.DiscrepancyDiagnosis(
+        model, exclude=all_but("trend"), cv=None, n_replicates=19, random_state=0
+    )
+    with pytest.warns(hs.DiagnosisWarning) as caught:
+        found = hs.refine(diagnosis, t[:, None], y, simulator, budget=20)
+    said = " ".join(str(each.message) for each in caught)
+    assert "0 of 20 further runs were made, and more would not help" in said
+    assert "run some points twice or more" in said
+    assert found.refinement_["n_runs"].tolist() == [160]
+
+
 def test_jumps_between_runs_are_part_of_the_error():
     """Intervals covered 76 %: what a run differs by from its neighbours counted as noise."""
 
