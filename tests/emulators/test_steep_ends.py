@@ -193,7 +193,7 @@ def test_what_is_wrong_there_is_found_all_the_same(name):
         found = diagnosed(runs, X, wrong, hs.Kriging())
         assert found.best_cause_.kind == "periodic"
         if found.emulator_check_.hidden:
-            # where the decay is slow 200 runs leave as much open as the cycle is: its form is not known
+            # where the decay is slow 200 runs leave as much open as the cycle is
             assert found.verdict_ == "undecided"
             continue
         shown += 1
