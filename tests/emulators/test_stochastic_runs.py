@@ -211,11 +211,14 @@ def test_a_measured_system_is_one_run(step, verdicts):
     assert check.left_open < 1 < check.scatter
 
 
-# few kinds, on purpose
-@pytest.mark.filterwarnings("ignore:At the measured rows:hybridsurrogate.DiagnosisWarning")
 def test_a_path_without_repeated_runs_is_no_discrepancy_but_open():
     """A cycle was named with 80 % of the evidence, and a bump in the next set."""
     few = all_but("step", "trend", "periodic", "bump", "offset")
+
+    def run(t, rate, level):
+        raise AssertionError("further runs close nothing of it")
+
+    simulator = hs.Simulator(run, {"t": (0, 10)}, PRIORS, returns="curve")
     for seed in (3, 4):
         random = np.random.default_rng(seed)
         t = np.sort(random.uniform(0.2, 9.8, 50))
@@ -225,7 +228,12 @@ def test_a_path_without_repeated_runs_is_no_discrepancy_but_open():
         )
         diagnosis = hs.DiscrepancyDiagnosis(
             model, exclude=few, cv=None, n_replicates=50, random_state=0
-        ).fit(t[:, None], y)
+        )
+        with pytest.warns(hs.DiagnosisWarning) as caught:
+            diagnosis = hs.refine(diagnosis, t[:, None], y, simulator, budget=20)
+        said = " ".join(str(each.message) for each in caught)
+        assert "0 of 20 further runs were made, and more would not help" in said
+        assert "run some points twice or more" in said
         assert diagnosis.best_cause_.kind == "none"
         assert diagnosis.verdict_ == "undecided"
         check = diagnosis.emulator_check_
@@ -234,29 +242,6 @@ def test_a_path_without_repeated_runs_is_no_discrepancy_but_open():
         assert 0.4 * SD < check.unrepeated * 0.03 < 2 * SD
         assert "run some points twice" in str(diagnosis.report())
         assert "next_runs" not in str(diagnosis.report())
-
-
-def test_no_further_run_is_spent_where_repeats_are_needed():
-    random = np.random.default_rng(3)
-    t = np.sort(random.uniform(0.2, 9.8, 50))
-    y = mean(t, 0.5, 2.0) + path(t, 1, random)[0] + 0.03 * random.standard_normal(50)
-
-    def run(t, rate, level):
-        raise AssertionError("run once more")
-
-    simulator = hs.Simulator(run, {"t": (0, 10)}, PRIORS, returns="curve")
-    model = hs.PowerScaledSurrogate(
-        curves(n=160, repeats=1), surrogate=hs.Kriging(), n_draws=200, random_state=0
-    )
-    diagnosis = hs.DiscrepancyDiagnosis(
-        model, exclude=all_but("trend"), cv=None, n_replicates=19, random_state=0
-    )
-    with pytest.warns(hs.DiagnosisWarning) as caught:
-        found = hs.refine(diagnosis, t[:, None], y, simulator, budget=20)
-    said = " ".join(str(each.message) for each in caught)
-    assert "0 of 20 further runs were made, and more would not help" in said
-    assert "run some points twice or more" in said
-    assert found.refinement_["n_runs"].tolist() == [160]
 
 
 def test_jumps_between_runs_are_part_of_the_error():
