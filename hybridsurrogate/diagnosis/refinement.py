@@ -35,8 +35,9 @@ def refine(
     """Diagnose, run the simulation where its emulator leaves most open, and diagnose again.
 
     Until the runs leave less open at the measured rows than a share of the noise, or the budget
-    ends. Where most of that lies between the places of runs that are curves, more runs do not close
-    it: no run is spent on it, and the warning asks for finer places.
+    ends. Further runs elsewhere do not close what lies between the places of runs that are curves,
+    nor the noise of a stochastic simulation or the rounding of counts: where that is most of it, no
+    run is spent, and the warning asks for finer places, repeated runs or expected counts.
 
     Parameters
     ----------
@@ -69,7 +70,7 @@ def refine(
     Warns
     -----
     DiagnosisWarning
-        Where the budget ended before, or where finer places of the runs are needed.
+        Where the budget ended before, or where runs of another kind are needed.
 
     Examples
     --------
@@ -109,7 +110,7 @@ def refine(
         rounds.append(_round_of(current, data.n_runs))
         check = current.emulator_check_
         settled = check is None or check.left_open < open_below
-        if settled or not left or (check is not None and check.needs_places):
+        if settled or not left or (check is not None and not check.needs_runs):
             break
         asked = current.next_runs(min(int(batch), left))
         left -= len(asked)
@@ -133,14 +134,14 @@ def refine(
     current.refinement_ = pd.DataFrame(rounds)
     current.result_ = replace(current.result_, refinement=current.refinement_)
     if check is not None and not settled:
-        why, finer = f"The budget of {budget} further runs ended while they leave", ""
-        if check.needs_places:
+        why, instead = f"The budget of {budget} further runs ended while they leave", ""
+        if not check.needs_runs:
             spent = int(budget) - left
             why = f"{spent} of {budget} further runs were made, and more would not help: they leave"
-            finer = f" {check.remedy}"
+            instead = f" {check.remedy}"
         warnings.warn(
             f"{why} the simulation open by {check.left_open:.1f} times the noise, above "
-            f"open_below={open_below:g}.{finer}",
+            f"open_below={open_below:g}.{instead}",
             DiagnosisWarning,
             stacklevel=2,
         )

@@ -157,6 +157,8 @@ class Cause(BaseEstimator):
         What the cause means for the one who wrote the simulation, for a report; None: as its kind.
     is_process : bool
         Whether the columns are the basis of one random curve, so that they share one size.
+    is_smooth_curve : bool
+        Whether it adds a smooth curve of any shape, which knows nothing beyond the measured range.
     is_one_level : bool
         Whether it is one of several that differ only in the level of a column that is meant.
     is_screened : bool
@@ -216,6 +218,7 @@ class Cause(BaseEstimator):
     by_output: bool = False
     meaning: str | None = None
     is_process: bool = False
+    is_smooth_curve: bool = False
     is_one_level: bool = False
     is_screened: bool = False
     log_prior_of_choice: float = 0.0

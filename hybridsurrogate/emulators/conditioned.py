@@ -25,15 +25,14 @@ from hybridsurrogate.model.statistics import (
     statistics_of_runs,
 )
 from hybridsurrogate.numerics.linear_algebra import (
+    MAX_DENSE,
     blocks,
     each_with_each,
-    pivoted_cholesky,
-    pivoted_factor,
+    factor_by_columns,
 )
 from hybridsurrogate.simulation.simulator import SimulationData
 from hybridsurrogate.surrogates.basis import Basis
 from hybridsurrogate.surrogates.emulation.covariance import (
-    MAX_DENSE,
     LocalError,
     Places,
     Process,
@@ -287,17 +286,11 @@ class KrigedBasis(Basis):
         # at a steep end of a range variances can be a million times those elsewhere
         typical = float(np.median(diagonal)) if len(diagonal) else 0.0
         least = max(_REST_SHARE * typical, 1e-12 * float(np.max(diagonal, initial=0.0)))
-        # sooner made than the columns that are asked for
-        if len(X) <= MAX_DENSE:
-            square = places.alike(places) - white @ white.T
-            return pivoted_factor(square * sd * sd[:, None], least)
 
-        def column(k: int) -> FloatArray:
-            alike = places.alike(places.of(slice(k, k + 1)))[:, 0] - white @ white[k]
-            return sd[k] * sd * alike
+        def columns(k: slice) -> FloatArray:
+            return (places.alike(places.of(k)) - white @ white[k].T) * sd[k] * sd[:, None]
 
-        factor, _ = pivoted_cholesky(diagonal, column, least, len(diagonal))
-        return factor
+        return factor_by_columns(diagonal, columns, least, len(diagonal))
 
     def _left(
         self, X: FloatArray, omega: FloatArray

@@ -13,7 +13,7 @@ from sklearn.utils.validation import check_is_fitted
 
 from hybridsurrogate.arguments import described
 from hybridsurrogate.effects.base import Cause
-from hybridsurrogate.effects.output.processes import CURVES, is_beyond
+from hybridsurrogate.effects.output.processes import is_beyond
 from hybridsurrogate.estimators.base import SurrogateEstimator
 from hybridsurrogate.estimators.power_scaled import PowerScaledSurrogate, as_causes
 from hybridsurrogate.exceptions import SamplingWarning
@@ -307,12 +307,12 @@ class AveragedSurrogate(SurrogateEstimator):
         return pairs
 
     def _is_curve(self, one: PowerScaledSurrogate) -> bool:
-        """Whether an estimator adds curves of any shape to that beyond the range, and no more."""
+        """Whether an estimator adds smooth curves to that beyond the range, and no more."""
         if self.beyond_ is None:
             return False
-        known = {effect.name for effect in as_causes(self.beyond_.effects)}
-        added = [e for e in as_causes(one.effects) if e.is_learned and e.name not in known]
-        return bool(added) and all(effect.kind in CURVES for effect in added)
+        further = as_causes(one.effects)[len(as_causes(self.beyond_.effects)) :]
+        added = [effect for effect in further if effect.is_learned]
+        return bool(added) and all(effect.is_smooth_curve for effect in added)
 
     def _parts(self) -> list[MixturePart]:
         return [

@@ -278,7 +278,12 @@ def _merged(runs: Sequence[Any]) -> SimulationData | None:
     }
     kept = ("X", "omega", "y", "failed")
     X, omega, y, failed = (np.concatenate([getattr(r, k) for r in runs]) for k in kept)
-    return first.with_data(X, omega, y, inputs=ranges, simulator=None, failed=failed)
+    labels = None
+    if any(r.run is not None for r in runs):
+        own = [np.arange(r.n_rows) if r.run is None else r.run - r.run.min() for r in runs]
+        before = np.cumsum([0, *(one.max() + 1 for one in own)])
+        labels = np.concatenate([one + start for one, start in zip(own, before, strict=False)])
+    return first.with_data(X, omega, y, labels, inputs=ranges, simulator=None, failed=failed)
 
 
 def _check_alike(first: SimulationData, other: SimulationData) -> None:

@@ -139,7 +139,10 @@ def test_runs_counts_and_several_outputs():
     y = measured(3, 2 * np.sqrt(T))
     runs = [
         hs.PowerScaledSurrogate(
-            one.simulation.run(30, random_state=0), hs.PolynomialChaos(degree=5), random_state=0
+            one.simulation.run(30, random_state=0),
+            hs.PolynomialChaos(degree=5),
+            n_draws=300,
+            random_state=0,
         )
         for one in (model_of(line), roots())
     ]
@@ -147,8 +150,11 @@ def test_runs_counts_and_several_outputs():
     assert hs.compare_simulations(runs, X[["t"]], y, **quick).chosen == "root"
     counts = np.random.default_rng(0).poisson(20 + 10 * np.sqrt(T))
     rates = [
-        model_of(root, likelihood="poisson", gain=norm(10, 5), level=norm(20, 5)),
-        model_of(lambda t, level: level + 0 * t, likelihood="poisson", level=norm(30, 10)),
+        one.set_params(n_draws=300)
+        for one in (
+            model_of(root, likelihood="poisson", gain=norm(10, 5), level=norm(20, 5)),
+            model_of(lambda t, level: level + 0 * t, likelihood="poisson", level=norm(30, 10)),
+        )
     ]
     assert hs.compare_simulations(rates, X[["t"]], counts, **quick).chosen == "root"
     two = [

@@ -244,7 +244,7 @@ def test_kinds_that_cannot_be_the_cause(simulator):
     table = rest.causes_.set_index("kind")
     for kind in excluded:
         assert table.loc[kind, "note"] == "not compared: you excluded it"
-    assert "delay (you excluded it)" in " ".join(str(rest.report(full=True)).split())
+    assert "delay you excluded it" in " ".join(str(rest.report(full=True)).split())
     # what is left shares their prior probability (and is alone: nothing is weighed beside noise)
     odds = [
         shares["noise: mean"] / shares["none"]

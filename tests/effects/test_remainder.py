@@ -202,6 +202,24 @@ def test_an_extension_keeps_the_ranges_of_experiments_only_where_these_differ():
     assert spreads[2] > 1.5 * spreads[0]
 
 
+class Wave(hs.Trend):
+    """A line that its author declares a curve of any shape."""
+
+    kind = "wave"
+    is_smooth_curve = True
+
+
+@pytest.mark.parametrize("effect", [Wave("t"), hs.Trend("t")])
+def test_what_a_cause_says_of_itself_decides_whether_it_is_followed_beyond(effect):
+    plain = fitted()
+    one = fitted(effect).with_prior_only([hs.Remainder(1.0)])
+    both = hs.AveragedSurrogate.of_fitted([one], [1.0], 0, plain)
+    beyond = np.array([[15.0]])
+    expected = (plain if effect.is_smooth_curve else one).predict(beyond)
+    np.testing.assert_allclose(both.predict(beyond), expected)
+    np.testing.assert_allclose(both.predict(T[:, None]), one.predict(T[:, None]))
+
+
 def test_beyond_the_range_a_curve_of_any_shape_leaves_predictions_to_the_simulation():
     # a quarter of a wave, which any smooth curve imitates
     rng = np.random.default_rng(4)

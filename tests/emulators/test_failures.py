@@ -7,6 +7,7 @@ import pandas as pd
 import pytest
 from few_kinds import all_but
 from scipy.stats import qmc, uniform
+from sklearn.gaussian_process import GaussianProcessClassifier
 
 import hybridsurrogate as hs
 from hybridsurrogate.emulators.failures import Failures
@@ -140,13 +141,18 @@ def test_failures_of_another_shape_are_refused():
 @pytest.mark.filterwarnings("ignore:At the measured rows:hybridsurrogate.DiagnosisWarning")
 @pytest.mark.filterwarnings("ignore::hybridsurrogate.PriorWarning")
 @pytest.mark.parametrize(("rate", "cautioned"), [(0.4, False), (0.85, True)])
-def test_a_diagnosis_says_that_runs_fail_where_the_data_are(rate, cautioned):
+def test_a_diagnosis_says_that_runs_fail_where_the_data_are(rate, cautioned, monkeypatch):
     y = 2.2 * np.exp(-rate * T) + 0.02 * np.random.default_rng(0).standard_normal(25)
     model = hs.PowerScaledSurrogate(
         runs(24, along=25), surrogate=hs.Kriging(), n_draws=200, random_state=0
     )
     settings = {"exclude": all_but("step", "trend"), "cv": None, "n_replicates": 19}
     diagnosis = hs.DiscrepancyDiagnosis(model, **settings, random_state=0)
+    learned = []
+    fit = GaussianProcessClassifier.fit
+    monkeypatch.setattr(
+        GaussianProcessClassifier, "fit", lambda *given: [learned.append(1), fit(*given)][1]
+    )
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         diagnosis.fit(T[:, None], y)
@@ -155,6 +161,9 @@ def test_a_diagnosis_says_that_runs_fail_where_the_data_are(rate, cautioned):
     asked = diagnosis.next_runs(3)
     if not cautioned:
         assert not fails(asked["rate"], asked["level"]).any()
+    # a classifier serves the caution, the runs that are asked for and an emulator
+    hs.Emulator().fit(model.simulation)
+    assert len(learned) == 1
 
 
 def test_rare_failures_among_many_runs_count():

@@ -135,7 +135,9 @@ def test_several_outputs_and_a_further_input():
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", hs.HybridSurrogateWarning)
         later.fit(X + np.array([0.5, 0]), Y)
-    assert later.emulator_check_.between > 10 * check.left_open
+    check = later.emulator_check_
+    assert check.needs_places
+    assert check.along == "day"
 
 
 def test_what_helps_is_what_is_named():

@@ -161,8 +161,12 @@ def test_a_few_runs_weigh_by_hand():
 @pytest.mark.slow
 @pytest.mark.parametrize("name", STEEP)
 def test_a_steep_end_is_not_blamed_on_the_simulation(name):
-    verdicts = [without_a_fault(name, seed).verdict_ for seed in range(4)]
-    assert verdicts.count("adequate") >= 3  # alarms of 5 % make two in four once in 70 times
+    found = [without_a_fault(name, seed) for seed in range(4)]
+    quiet = [each for each in found if each.p_value_ > 0.05]
+    assert len(quiet) >= 3  # alarms of 5 % make two in four once in 70 times
+    for each in quiet:
+        # the runs of the decay may leave more open than the noise
+        assert each.verdict_ == ("undecided" if each.emulator_check_.hidden else "adequate")
 
 
 @pytest.mark.slow
@@ -181,12 +185,19 @@ def test_rows_beyond_all_runs_are_counted():
 @pytest.mark.slow
 @pytest.mark.parametrize("name", STEEP)
 def test_what_is_wrong_there_is_found_all_the_same(name):
+    shown = 0
     for seed in range(2):
         runs, X, y = problem(name, seed)
         noise = STEEP[name][2]
         wrong = y + 4 * noise * np.sin(0.4 * X[:, 0])
         found = diagnosed(runs, X, wrong, hs.Kriging())
         assert found.best_cause_.kind == "periodic"
+        if found.emulator_check_.hidden:
+            # where the decay is slow 200 runs leave as much open as the cycle is
+            assert found.verdict_ == "undecided"
+            continue
+        shown += 1
         period, low, high = found.best_cause_.estimates["period"]
         # twice as far as intervals of 90 % reach: 3.3 standard deviations
         assert abs(period - 2 * np.pi / 0.4) < high - low
+    assert shown >= 1

@@ -211,11 +211,14 @@ def test_a_measured_system_is_one_run(step, verdicts):
     assert check.left_open < 1 < check.scatter
 
 
-# few kinds, on purpose
-@pytest.mark.filterwarnings("ignore:At the measured rows:hybridsurrogate.DiagnosisWarning")
 def test_a_path_without_repeated_runs_is_no_discrepancy_but_open():
     """A cycle was named with 80 % of the evidence, and a bump in the next set."""
     few = all_but("step", "trend", "periodic", "bump", "offset")
+
+    def run(t, rate, level):
+        raise AssertionError("further runs close nothing of it")
+
+    simulator = hs.Simulator(run, {"t": (0, 10)}, PRIORS, returns="curve")
     for seed in (3, 4):
         random = np.random.default_rng(seed)
         t = np.sort(random.uniform(0.2, 9.8, 50))
@@ -225,7 +228,12 @@ def test_a_path_without_repeated_runs_is_no_discrepancy_but_open():
         )
         diagnosis = hs.DiscrepancyDiagnosis(
             model, exclude=few, cv=None, n_replicates=50, random_state=0
-        ).fit(t[:, None], y)
+        )
+        with pytest.warns(hs.DiagnosisWarning) as caught:
+            diagnosis = hs.refine(diagnosis, t[:, None], y, simulator, budget=20)
+        said = " ".join(str(each.message) for each in caught)
+        assert "0 of 20 further runs were made, and more would not help" in said
+        assert "run some points twice or more" in said
         assert diagnosis.best_cause_.kind == "none"
         assert diagnosis.verdict_ == "undecided"
         check = diagnosis.emulator_check_

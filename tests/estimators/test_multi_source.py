@@ -132,6 +132,20 @@ def test_equal_priors_may_be_written_in_two_ways():
     assert model.fit(t, y).simulation.n_runs > 50
 
 
+def test_runs_that_are_curves_stay_runs():
+    simulator = hs.Simulator(lambda t, a: a * t, {"t": (0, 1)}, {"a": norm()})
+    curves, others = (simulator.run(8, random_state=k, along=5) for k in range(2))
+    rows = simulator.run(6, random_state=2)
+    merged = several(hs.Source(curves, 0.5), hs.Source(others, 0.5), hs.Source(rows, 0.5))
+    runs = merged.simulation
+    assert (runs.n_rows, runs.n_runs) == (86, 22)
+    # each has one value of the parameter
+    assert [len(np.unique(runs.omega[runs.run == label])) for label in np.unique(runs.run)] == [
+        1
+    ] * 22
+    assert several(hs.Source(rows), hs.Source(rows)).simulation.run is None
+
+
 def test_clones_share_the_runs(case):
     model = several(hs.Source(case.simulation, 0.5))
     assert clone(model).sources[0].data is case.simulation

@@ -353,7 +353,10 @@ def test_limits_of_rows_without_sense_are_refused(limits, message):
 def new_rows(seed, n=40):
     """Return a fit, and new rows with limits that no row of the fit had, recorded at these."""
     X, y, model, truth = of_rows(seed)
-    fitted = model.fit(X, y)
+    return model.fit(X, y), *recorded_anew(truth, seed, n)
+
+
+def recorded_anew(truth, seed, n=40):
     random = np.random.RandomState(seed + 7)
     x = random.uniform(-1, 1, n)
     value = truth["a"] + truth["b"] * x + truth["sigma"] * random.standard_normal(n)
@@ -361,7 +364,7 @@ def new_rows(seed, n=40):
     high = np.where(np.arange(n) % 3, np.nan, low + 1.0)
     low[1] = np.nan
     recorded = np.fmin(np.fmax(value, low), high)
-    return fitted, x[:, None], recorded, low, high
+    return x[:, None], recorded, low, high
 
 
 def exact_density(fitted, X, y, low, high):
@@ -438,10 +441,10 @@ def test_intervals_of_recorded_rows_cover():
     """A row at its limit is covered where its interval reaches the limit."""
     marked, new = [], []
     for seed in range(20):
-        X, y, model, _ = of_rows(100 + seed, n=100)
+        X, y, model, truth = of_rows(100 + seed, n=100)
         fitted = model.fit(X[:60], y[:60])
         marked += fitted.interval_holds(X[60:], y[60:], [0.9])
-        fitted, X, y, low, high = new_rows(100 + seed)
+        X, y, low, high = recorded_anew(truth, 100 + seed)
         new += fitted.interval_holds(X, y, [0.9], below=low, above=high)
     # 20 sets of 40 rows that share a fit; a limit inside an interval covers more than 90 %
     assert 0.87 < np.mean(marked) < 0.97

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from scipy import stats
+from scipy import special, stats
 
 import hybridsurrogate as hs
 
@@ -54,3 +54,14 @@ def test_draws_give_the_density_in_closed_form(noise):
     error = np.array(scores) - exact
     assert np.all(np.abs(error.mean(axis=0)) < 3 * error.std(axis=0) / np.sqrt(20) + 0.1)
     assert error.std() < 0.4
+
+
+def test_noise_that_is_large_is_left_as_it_is():
+    x = np.linspace(0, 40, 20)[:, None]
+    y = 0.5 + 0.3 * np.random.default_rng(0).standard_normal(20)
+    model = hs.PowerScaledSurrogate(SIMULATOR, hs.ExactSurrogate(), n_draws=300, random_state=0)
+    model.fit(x, y)
+    each = stats.norm.logpdf(y, *model.posterior_.eta(x))
+    np.testing.assert_allclose(
+        model.log_predictive_density(x, y), special.logsumexp(each, axis=0) - np.log(300)
+    )

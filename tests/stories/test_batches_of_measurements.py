@@ -47,7 +47,7 @@ def test_nothing_is_wrong_once_it_is_declared():
     X, y, _ = batches(1, n=6)
     told = {"experiment": "batch", "by_experiment": {"rate": "spread"}}
     few = all_but("parameter-by-experiment", "missing-input", "step", "trend", "noise")
-    diagnosis = diagnosed(X, y, cv=2, exclude=few, **told)
+    diagnosis = diagnosed(X, y, cv=2, exclude=few, n_draws=300, **told)
     assert diagnosis.verdict_ == "adequate"
     kinds = set(zip(diagnosis.causes_.kind, diagnosis.causes_.target, strict=True))
     assert ("parameter-by-experiment", "level") in kinds

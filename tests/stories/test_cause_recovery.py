@@ -27,10 +27,13 @@ def fits():
                 scatter *= np.exp(0.2 * (FRAME.t.to_numpy() - 6))
             y = np.asarray(truth(FRAME)) + scatter
             columns = ["t", "dose", *(c for c in cause.reads if c in ("wind", "batch"))]
+            # between rows the density over two ends of an episode is flat, and falls at them
+            sampler = hs.EnsembleSampler(max_steps=600) if name == "episode, factor" else "auto"
             model = hs.PowerScaledSurrogate(
                 SIMULATOR,
                 surrogate=hs.ExactSurrogate(),
                 effects=(cause,),
+                sampler=sampler,
                 n_draws=400,
                 random_state=0,
             )

@@ -15,7 +15,7 @@ from hybridsurrogate.diagnosis.search.forward_selection import SearchStep
 from hybridsurrogate.diagnosis.search.search import Search, predict_jointly
 from hybridsurrogate.effects import InOutput, Remainder
 from hybridsurrogate.effects.base import Cause
-from hybridsurrogate.effects.output.processes import CURVES, LEAST, LEAST_OF_CURVE, MOST
+from hybridsurrogate.effects.output.processes import LEAST, LEAST_OF_CURVE, MOST
 from hybridsurrogate.estimators.averaged import AveragedSurrogate
 from hybridsurrogate.estimators.power_scaled import PowerScaledSurrogate, as_causes
 from hybridsurrogate.exceptions import DiagnosisWarning, HybridSurrogateWarning
@@ -247,7 +247,7 @@ def averaged_over(
             continue
         models.append(model)
         weights.append(share)
-    has_curve = any(e.kind in CURVES for one in models for e in as_causes(one.effects))
+    has_curve = any(e.is_smooth_curve for one in models for e in as_causes(one.effects))
     beyond = before if has_curve else None
     return AveragedSurrogate.of_fitted(models, weights, before.random_state, beyond)
 

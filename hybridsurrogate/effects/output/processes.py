@@ -28,8 +28,6 @@ from hybridsurrogate.simulation.arrays import is_of_calendar
 from hybridsurrogate.studied import STUDIED
 from hybridsurrogate.types import Prior
 
-# kinds that are smooth curves of any shape
-CURVES = ("unexplained", "curve-by-experiment")
 # basis functions an input: enough for the shortest length scale below (Riutort-Mayol et al. 2023,
 # Statistics and Computing 33:17, eq. 17: m >= 1.75 boundary / length scale); seven for each of two
 # inputs follow lengths from 0.375 on
@@ -68,7 +66,7 @@ class GaussianProcessDiscrepancy(Declared):
     """
 
     kind = "unexplained"
-    is_process = True
+    is_process = is_smooth_curve = True
 
     ranges: Mapping[str, tuple[float, float]] | None = None
     length_scale: Prior = None
@@ -249,7 +247,7 @@ class CurveByExperiment(OverColumn):
 
     kind = "curve-by-experiment"
     unknowns = ("length", "amplitude")
-    is_process = True
+    is_process = is_smooth_curve = True
     coefficient_sd = UNIT_SD
 
     column: str

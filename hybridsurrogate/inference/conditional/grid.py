@@ -24,12 +24,13 @@ from hybridsurrogate.inference.conditional.pairwise_squares import (
     squares_of_pairs,
 )
 from hybridsurrogate.inference.conjugate.noise_marginal import marginal_over_noise, noise_grid
-from hybridsurrogate.inference.sampling.importance import (
+from hybridsurrogate.inference.sampling.modes import (
     PROPOSAL_SCALE,
+    factors,
+    optimise_density,
     standard_student,
     standard_student_draws,
 )
-from hybridsurrogate.inference.sampling.modes import factors, optimise_density
 from hybridsurrogate.inference.sampling.settings import SETTINGS
 from hybridsurrogate.model.statistics import prior_log_density, prior_of_unknowns
 from hybridsurrogate.numerics.linear_algebra import NEGLIGIBLE, blocks, log_det_of, nudged_cholesky

@@ -19,7 +19,6 @@ from sklearn.base import BaseEstimator
 from sklearn.utils import check_scalar
 
 from hybridsurrogate.arguments import check_flag, check_number, described, local_path
-from hybridsurrogate.inference.sampling.importance import student_draws
 from hybridsurrogate.inference.sampling.modes import (
     Gaussian,
     LogDensity,
@@ -286,8 +285,11 @@ def _thinned(
 
 
 def _autocorrelation_time(sampler: emcee.EnsembleSampler) -> float:
+    # of a thousand steps: one in a twentieth of the time at which a chain is long enough changes it
+    # by 0.1 %, and with all steps a quarter of a long run is spent here
+    thin = max(1, int(sampler.iteration) // 1000)
     with np.errstate(invalid="ignore"):  # a walker that never moved has no autocorrelation
-        tau = float(np.max(sampler.get_autocorr_time(tol=0)))
+        tau = float(np.max(sampler.get_autocorr_time(tol=0, thin=thin)))
     return tau if np.isfinite(tau) else np.inf
 
 
@@ -301,7 +303,7 @@ def _spread_over(
     d = len(modes[0].mean)
     mass = np.exp(np.array([mode.log_mass for mode in modes]) - modes[0].log_mass)
     member = random_state.choice(len(modes), size=n_walkers, p=mass / mass.sum())
-    pool = np.stack([student_draws(mode, n_walkers, random_state) for mode in modes])
+    pool = np.stack([mode.draws(n_walkers, random_state) for mode in modes])
     start = pool[member, np.arange(n_walkers)]
     bad = ~np.isfinite(log_density(start))
     if bad.any():

@@ -13,7 +13,14 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import special
 
-from hybridsurrogate.inference.sampling.modes import Gaussian, LogDensity, NothingPossibleError
+from hybridsurrogate.inference.sampling.modes import (
+    PROPOSAL_SCALE,
+    Gaussian,
+    LogDensity,
+    NothingPossibleError,
+    standard_student,
+    standard_student_draws,
+)
 from hybridsurrogate.inference.sampling.settings import SETTINGS
 from hybridsurrogate.model.posterior import MIN_EFFECTIVE_EACH
 from hybridsurrogate.numerics.linear_algebra import NEGLIGIBLE, SINGULAR
@@ -21,11 +28,6 @@ from hybridsurrogate.numerics.psis import KHAT_LIMIT, level_smooth, pareto_smoot
 from hybridsurrogate.priors import Z_LIMIT
 from hybridsurrogate.types import FloatArray
 
-# with 10, k-hats of 36 fits are 0.10 (standard error 0.04) larger, with 2.5 they are the same
-_DEGREES_OF_FREEDOM = 5.0
-# of its standard deviations: at 1.0, those of 176 fresh densities are off by 0.004 (standard error
-# 0.001) more on average
-PROPOSAL_SCALE = 1.1
 # each with twice the proposals of the one before: in all as many as an ensemble's steps, at most
 _MAX_ROUNDS = 7
 # of the log of a chi-squared variable with one degree of freedom
@@ -107,44 +109,6 @@ def _terms(y: FloatArray) -> FloatArray:
 Component = Gaussian | Bent
 
 
-def student_draws(
-    approximation: Gaussian, n: int, random_state: np.random.RandomState
-) -> FloatArray:
-    """Draw n points from the Student-t proposal around a Gaussian approximation."""
-    drawn = standard_student_draws((n, len(approximation.mean)), random_state)
-    return approximation.mean + PROPOSAL_SCALE * drawn @ approximation.factor.T
-
-
-def standard_student_draws(
-    shape: tuple[int, ...], random_state: np.random.RandomState
-) -> FloatArray:
-    """Draw standard Student-t variables; the last axis of the shape holds those of one point."""
-    normal = random_state.standard_normal(shape)
-    chi2 = random_state.chisquare(_DEGREES_OF_FREEDOM, size=(*shape[:-1], 1)) / _DEGREES_OF_FREEDOM
-    return normal / np.sqrt(chi2)
-
-
-def _student_log_density(approximations: Sequence[Gaussian], x: FloatArray) -> FloatArray:
-    """Return the log densities (K, J) of the proposals around K Gaussians at points (J, d)."""
-    factors = PROPOSAL_SCALE * np.array([g.factor for g in approximations])
-    means = np.array([g.mean for g in approximations])
-    scaled = np.linalg.inv(factors) @ (x[None] - means[:, None]).transpose(0, 2, 1)
-    log_det = np.log(np.diagonal(factors, axis1=1, axis2=2)).sum(axis=1)
-    squares = np.einsum("kdj,kdj->kj", scaled, scaled)
-    return standard_student(squares, x.shape[1]) - log_det[:, None]
-
-
-def standard_student(squares: FloatArray, d: int) -> FloatArray:
-    """Return the log density of d standard Student-t variables at a squared distance from 0."""
-    nu = _DEGREES_OF_FREEDOM
-    return (
-        special.gammaln((nu + d) / 2)
-        - special.gammaln(nu / 2)
-        - 0.5 * d * np.log(nu * np.pi)
-        - 0.5 * (nu + d) * np.log1p(squares / nu)
-    )
-
-
 def mixture_points(
     components: Sequence[Component], n: int, random_state: np.random.RandomState
 ) -> FloatArray:
@@ -155,10 +119,7 @@ def mixture_points(
     """
     cumulative = np.concatenate([[0.0], np.cumsum(_shares(components))])
     counts = np.diff(np.round(n * cumulative).astype(int))
-    drawn = [
-        one.draws(k, random_state) if isinstance(one, Bent) else student_draws(one, k, random_state)
-        for one, k in zip(components, counts, strict=True)
-    ]
+    drawn = [one.draws(k, random_state) for one, k in zip(components, counts, strict=True)]
     return np.concatenate(drawn)
 
 
@@ -171,14 +132,7 @@ def mixture_log_density(components: Sequence[Component], points: FloatArray) -> 
 
 def _log_densities(components: Sequence[Component], x: FloatArray) -> FloatArray:
     """Return the log densities (K, J) of K proposals at points (J, d)."""
-    plain = {k: one for k, one in enumerate(components) if isinstance(one, Gaussian)}
-    out = np.empty((len(components), len(x)))
-    if plain:
-        out[list(plain)] = _student_log_density(list(plain.values()), x)
-    for k, one in enumerate(components):
-        if isinstance(one, Bent):
-            out[k] = one.log_density(x)
-    return out
+    return np.array([one.log_density(x) for one in components])
 
 
 def _shares(components: Sequence[Component]) -> FloatArray:
@@ -320,7 +274,7 @@ def _order(y: FloatArray, weight: FloatArray) -> NDArray[np.intp]:
 def _responsible(points: FloatArray, weight: FloatArray, components: list[Gaussian]) -> FloatArray:
     """Share the weights of points (J,) among components, (K, J)."""
     mass = np.array([g.log_mass for g in components])
-    log_terms = mass[:, None] + _student_log_density(components, points)
+    log_terms = mass[:, None] + _log_densities(components, points)
     return weight * np.exp(log_terms - np.logaddexp.reduce(log_terms, axis=0))
 
 
@@ -578,7 +532,7 @@ def _smoothed(
     """Return log weights of points (J, d), smoothed in the cell of each mode; the largest k-hat."""
     nearest = np.zeros(len(points))
     if len(modes) > 1:
-        nearest = _student_log_density(modes, points).argmax(axis=0)
+        nearest = _log_densities(modes, points).argmax(axis=0)
     out, khats = log_weight.copy(), []
     for k in range(max(len(modes), 1)):
         cell = np.flatnonzero(nearest == k)

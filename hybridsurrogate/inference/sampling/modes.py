@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import special
 
 from hybridsurrogate.effects.base import Cause
 from hybridsurrogate.inference.conjugate.target import PowerScaledPosterior, Target
@@ -26,6 +27,12 @@ from hybridsurrogate.numerics.linear_algebra import NEGLIGIBLE
 from hybridsurrogate.priors import Z_LIMIT, to_normal
 from hybridsurrogate.types import FloatArray
 
+# of proposals: with 10, k-hats of 36 fits are 0.10 (standard error 0.04) larger, with 2.5 they are
+# the same
+_DEGREES_OF_FREEDOM = 5.0
+# of its standard deviations: at 1.0, those of 176 fresh densities are off by 0.004 (standard error
+# 0.001) more on average
+PROPOSAL_SCALE = 1.1
 # places along one parameter, in standard normal coordinates: beyond, no prior has mass
 _LINE = np.linspace(-Z_LIMIT, Z_LIMIT, 41)
 _SPACING = _LINE[1] - _LINE[0]
@@ -148,11 +155,46 @@ class NothingPossibleError(ValueError):
 
 @dataclass(frozen=True)
 class Gaussian:
-    """A Gaussian approximation: mean (d,), lower Cholesky factor of its covariance (d, d)."""
+    """A Gaussian approximation: mean (d,), lower Cholesky factor of its covariance (d, d).
+
+    Proposals around it are a little wider, and Student-t.
+    """
 
     mean: FloatArray
     factor: FloatArray
     log_mass: float
+
+    def draws(self, n: int, random_state: np.random.RandomState) -> FloatArray:
+        """Draw n proposals."""
+        drawn = standard_student_draws((n, len(self.mean)), random_state)
+        return self.mean + PROPOSAL_SCALE * drawn @ self.factor.T
+
+    def log_density(self, x: FloatArray) -> FloatArray:
+        """Return the log density of the proposals (J,) at points (J, d)."""
+        factor = PROPOSAL_SCALE * self.factor
+        scaled = np.linalg.inv(factor) @ (x - self.mean).T
+        squares = np.einsum("dj,dj->j", scaled, scaled)
+        return standard_student(squares, len(self.mean)) - np.log(np.diagonal(factor)).sum()
+
+
+def standard_student_draws(
+    shape: tuple[int, ...], random_state: np.random.RandomState
+) -> FloatArray:
+    """Draw standard Student-t variables; the last axis of the shape holds those of one point."""
+    normal = random_state.standard_normal(shape)
+    chi2 = random_state.chisquare(_DEGREES_OF_FREEDOM, size=(*shape[:-1], 1)) / _DEGREES_OF_FREEDOM
+    return normal / np.sqrt(chi2)
+
+
+def standard_student(squares: FloatArray, d: int) -> FloatArray:
+    """Return the log density of d standard Student-t variables at a squared distance from 0."""
+    nu = _DEGREES_OF_FREEDOM
+    return (
+        special.gammaln((nu + d) / 2)
+        - special.gammaln(nu / 2)
+        - 0.5 * d * np.log(nu * np.pi)
+        - 0.5 * (nu + d) * np.log1p(squares / nu)
+    )
 
 
 # length of difference steps in standard deviations: five times as long for an approximation that is

@@ -37,8 +37,6 @@ from hybridsurrogate.types import FloatArray
 # in order (of runs that are curves fewer: each is as much as hundreds of rows), and the process is
 # conditioned on at most so many
 _LEARNED_ROWS, _LEARNED_RUNS, MAX_RUNS, MAX_CURVES = 500, 200, 5000, 2000
-# rows or columns of a covariance that is formed whole, at most: its time grows with their square
-MAX_DENSE = 1000
 # of a spread, or of a nugget: what is less is none of what is looked for
 _MINOR_SHARE = 0.01
 

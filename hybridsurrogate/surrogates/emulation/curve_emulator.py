@@ -22,17 +22,17 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from hybridsurrogate.numerics.linear_algebra import (
+    MAX_DENSE,
     NEGLIGIBLE,
     blocks,
     each_with_each,
-    pivoted_cholesky,
+    factor_by_columns,
     pivoted_factor,
 )
 from hybridsurrogate.surrogates.emulation.components import Components
 from hybridsurrogate.surrogates.emulation.covariance import (
     LEAST_NUGGET,
     MAX_CURVES,
-    MAX_DENSE,
     LocalError,
     Places,
     Process,
@@ -260,13 +260,12 @@ class CurveEmulator:
         if len(off):
             own, at, of = sd[off], x[off], group[off]
 
-            def column(k: int) -> FloatArray:
-                along = self.components.between.correlations(at, at[k : k + 1])[:, 0]
-                alike = places.alike(places.of(slice(of[k], of[k] + 1)))[of, 0]
-                return own * own[k] * along * alike
+            def columns(k: slice) -> FloatArray:
+                along = self.components.between.correlations(at, at[k])
+                return along * places.alike(places.of(of[k]))[of] * own[k] * own[:, None]
 
             least = max(NEGLIGIBLE * float(np.max(own**2)), float(np.mean(missed**2)))
-            some, _ = pivoted_cholesky(own**2, column, least, MAX_DENSE)
+            some = factor_by_columns(own**2, columns, least, MAX_DENSE)
             factor = np.zeros((len(X), some.shape[1]))
             factor[off] = some
         left = np.maximum(sd**2 - np.sum(factor**2, axis=1), 0.0)

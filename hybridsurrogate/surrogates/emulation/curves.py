@@ -7,13 +7,13 @@ import pandas as pd
 from numpy.typing import NDArray
 from scipy.interpolate import make_interp_spline
 
+from hybridsurrogate.numerics.linear_algebra import MAX_DENSE
 from hybridsurrogate.surrogates.emulation.between_places import (
     Piece,
     between_places,
     degree_of,
 )
 from hybridsurrogate.surrogates.emulation.components import LEFT_OUT, Curves, principal, scatter_of
-from hybridsurrogate.surrogates.emulation.covariance import MAX_DENSE
 from hybridsurrogate.types import FloatArray
 
 # rows are curves where there are so many runs at least and so many rows a run on average

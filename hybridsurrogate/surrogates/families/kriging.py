@@ -8,6 +8,7 @@ import numpy as np
 from scipy.linalg import solve_triangular
 
 from hybridsurrogate.numerics.linear_algebra import (
+    MAX_DENSE,
     blocks,
     in_turn,
     nudged_cholesky,
@@ -16,7 +17,6 @@ from hybridsurrogate.numerics.linear_algebra import (
 from hybridsurrogate.simulation.design import draw_design
 from hybridsurrogate.surrogates.basis import Basis, Domain, Surrogate, register
 from hybridsurrogate.surrogates.emulation.covariance import (
-    MAX_DENSE,
     Places,
     Process,
     conditioned,

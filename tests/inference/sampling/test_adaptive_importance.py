@@ -29,6 +29,15 @@ def test_mode_of_a_gaussian_is_the_gaussian():
     assert mode.log_mass == pytest.approx(4.2, abs=0.01)
 
 
+def test_proposals_around_a_gaussian_are_student_t():
+    around = Gaussian(_MEAN, _ROOT, 0.0)
+    student = stats.multivariate_t(_MEAN, 1.1**2 * _COVARIANCE, df=5)
+    drawn = around.draws(4000, np.random.RandomState(0))
+    np.testing.assert_allclose(around.log_density(drawn), student.logpdf(drawn))
+    whitened = (drawn - _MEAN) @ np.linalg.inv(1.1 * _ROOT).T
+    assert all(stats.kstest(column, stats.t(5).cdf).pvalue > 0.001 for column in whitened.T)
+
+
 def test_a_climb_that_begins_at_the_mode_ends_there_at_once():
     """Rounding rejects a step from there, and no shorter one would be better."""
     calls = []
