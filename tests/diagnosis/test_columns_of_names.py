@@ -77,6 +77,7 @@ def test_folds_keep_the_names():
     assert gain.elpd_difference > 3 * gain.standard_error
 
 
+@pytest.mark.usefixtures("verdict_alone")
 def test_with_two_names_and_where_nothing_is_wrong():
     X, y = rows(3, 0.5, ["control", "treated"])
     assert diagnose(X, y).best_cause_.formula.endswith("where batch = treated")

@@ -63,6 +63,7 @@ def test_folds_know_it_too(found):
     assert {*gain.kinds} == {"periodic"}
 
 
+@pytest.mark.usefixtures("verdict_alone")
 def test_where_nothing_else_is_wrong_nothing_is_named():
     """More than one of 5 sets: at a rate of 0.05 once in 44."""
     verdicts = [

@@ -5,7 +5,7 @@ import pandas as pd
 import pytest
 from few_kinds import all_but
 from scipy.linalg import block_diag
-from scipy.stats import multivariate_normal, norm
+from scipy.stats import lognorm, multivariate_normal, norm
 
 import hybridsurrogate as hs
 
@@ -271,12 +271,15 @@ def test_a_known_spread_of_an_output_is_that_of_a_diagonal_covariance():
 @pytest.mark.slow
 def test_intervals_cover_over_data_sets_with_batch_errors_in_two_outputs():
     """Truths are drawn from their priors; without the batches the same intervals cover half."""
-    by = {"height": "spread", "flow": "spread"}
+    spread = {"height": lognorm(0.3, scale=0.4), "flow": lognorm(0.3, scale=3.0)}
+    shared = hs.SharedErrors("run", spread=spread)
     inside, without = [], []
     for seed in range(100):
-        X, y, truth, _ = batches_of_two(seed)
-        truth |= {"height: spread": 0.4, "flow: spread": 3.0}
-        for out, how in ((inside, {"by_experiment": by}), (without, {})):
+        random = np.random.default_rng([seed, 2])
+        spreads = [prior.rvs(random_state=random) for prior in spread.values()]
+        X, y, truth, _ = batches_of_two(seed, spreads)
+        truth |= {f"{name}: spread": sd for name, sd in zip(spread, spreads, strict=True)}
+        for out, how in ((inside, {"effects": [shared]}), (without, {})):
             table = model_of_two(experiment="run", **how).fit(X, y).summary()
             names = [name for name in truth if name in table.index]
             out.append([table.q5[name] < truth[name] < table.q95[name] for name in names])

@@ -6,7 +6,7 @@ import pytest
 from threadpoolctl import threadpool_info, threadpool_limits
 
 import hybridsurrogate as hs
-from hybridsurrogate.diagnosis import diagnosis as diagnosis_module
+from hybridsurrogate.diagnosis.fitting import diagnose
 from hybridsurrogate.inference import procedure as fitting
 
 
@@ -28,9 +28,9 @@ def noted(monkeypatch, module, name):
     """Return a list of what `threads` is whenever a function of a module is called."""
     seen, function = [], getattr(module, name)
 
-    def call(*arguments):
+    def call(*arguments, **named):
         seen.append(threads())
-        return function(*arguments)
+        return function(*arguments, **named)
 
     monkeypatch.setattr(module, name, call)
     return seen
@@ -46,8 +46,8 @@ def test_a_fit_has_one_thread(simulation, measured, monkeypatch):
 @pytest.mark.slow
 @pytest.mark.usefixtures("two_threads")
 def test_a_diagnosis_has_one_thread(simulator, measured, monkeypatch):
-    searches = noted(monkeypatch, diagnosis_module, "forward_search")
-    folds = noted(monkeypatch, diagnosis_module, "cross_validated")
+    searches = noted(monkeypatch, diagnose, "forward_search")
+    folds = noted(monkeypatch, diagnose, "cross_validated")
     model = hs.PowerScaledSurrogate(simulator, surrogate=hs.ExactSurrogate(), n_draws=20)
     hs.DiscrepancyDiagnosis(model, cv=2, n_replicates=19, random_state=0).fit(*measured)
     assert searches == [{1}]

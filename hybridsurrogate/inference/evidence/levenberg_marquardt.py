@@ -23,6 +23,7 @@ from hybridsurrogate.model.observation import MeasuredModel
 from hybridsurrogate.model.statistics import EmulatorPosterior
 from hybridsurrogate.numerics.linear_algebra import LARGE_BLOCK, NEGLIGIBLE
 from hybridsurrogate.priors import Z_LIMIT, to_normal
+from hybridsurrogate.simulation.arrays import LARGEST
 from hybridsurrogate.types import FloatArray
 
 # places far away: along a size, how far these reach in standard deviations of the prior, and
@@ -176,6 +177,8 @@ class _Residual:
         values = self.model.values(z)
         output, _, noise = self.model.simulated(self.X, values, self.emulator.mean)
         residual = (self.y - output) / noise
+        # the logarithm of an output that has run to zero, which columns would carry to all rows
+        residual[~(np.abs(residual) < LARGEST)] = np.nan
         columns = self.model.added(self.X, values) / noise[..., None]
         if columns.shape[2]:
             columns = columns * self.model.column_sd

@@ -9,7 +9,10 @@ from problems import make_problem
 import hybridsurrogate as hs
 from hybridsurrogate.effects.dynamics.dynamic_drift import DynamicDrift
 from hybridsurrogate.inference.evidence.grid import make_grid
-from hybridsurrogate.inference.evidence.levenberg_marquardt import best_of_many
+from hybridsurrogate.inference.evidence.levenberg_marquardt import (
+    best_of_global_starts,
+    best_of_many,
+)
 from hybridsurrogate.likelihoods import as_likelihood
 from hybridsurrogate.model.context import make_context
 from hybridsurrogate.model.statistics import emulator_posterior
@@ -64,6 +67,30 @@ def test_best_fit_is_reached_from_a_simulation_far_from_the_data(epidemic, shape
         amount, location, _ = model.values(z[None])[0, 2:]
         assert location == pytest.approx(numbers[1], abs=4)
         assert amount == pytest.approx(numbers[0], abs=0.15)
+
+
+def test_an_output_that_runs_to_zero_is_a_bad_fit_and_no_more():
+    """Its logarithm is infinite, and columns of an earlier cause are fitted to it."""
+    t = np.linspace(0, 40, 30)[:, None]
+    simulator = hs.Simulator(
+        lambda t, k: np.exp(-k * t), {"t": (0, 40)}, {"k": hs.truncated_normal(0.03, 0.02, 0, 0.1)}
+    )
+    y = np.exp(-0.03 * t[:, 0]) * np.where(t[:, 0] > 20, 0.6, 1)
+    likelihood, names = as_likelihood("lognormal"), simulator.input_names
+    problem = make_problem(simulator, hs.ExactSurrogate(), likelihood, None, (), names, t, y)
+    basis = problem.model.basis
+    context = make_context(simulator, names, 1, t, problem.scale, likelihood, basis, 0.0)
+    causes = hs.Step("t"), hs.ParameterDrift("k", "t", shape="exponential")
+    model = problem.model.with_effects([cause.prepare(context) for cause in causes])
+    grid = make_grid(model)
+    line = grid.neutral.copy()
+    line[grid.sizes[0]] = 2.4
+    with np.errstate(divide="ignore"):
+        assert np.isinf(model.simulated(t, model.values(line[None]), np.empty(0))[0]).any()
+    emulator = emulator_posterior(basis, None)
+    known = grid.neutral
+    best = best_of_global_starts(model, t, problem.y, emulator, grid, known[:2], known, 1e-6)
+    assert best is None or np.isfinite(best).all()
 
 
 def test_what_is_known_well_is_not_expected_to_change_much():
