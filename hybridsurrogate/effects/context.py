@@ -258,6 +258,9 @@ class Context:
         Whether its solver can pass earlier states to the right-hand side: "rk4" can.
     rates : tuple of str
         Those parameters and assumed constants that its right-hand side takes.
+    terms : dict of str to dict of str to bool
+        Of each state those that multiply or divide a term of its slope which follows the state; and
+        whether they divide it.
     starts : tuple of str
         Those parameters that set the initial state of a simulation in time and nothing else.
     gaussian, scales_noise : bool
@@ -309,6 +312,7 @@ class Context:
     states: Mapping[str, float] = field(default_factory=dict)
     remembers: bool = False
     rates: tuple[str, ...] = ()
+    terms: Mapping[str, Mapping[str, bool]] = field(default_factory=dict)
     starts: tuple[str, ...] = ()
     gaussian: bool = True
     scales_noise: bool = True

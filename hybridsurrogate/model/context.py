@@ -259,6 +259,7 @@ def make_context(
         states=simulator.typical_states(X[:, :n_inputs]) if simulator else {},
         remembers=simulator.remembers if simulator else False,
         rates=simulator.rates if simulator else (),
+        terms=simulator.terms if simulator else {},
         starts=starts,
         gaussian=likelihood.gaussian,
         scales_noise=likelihood.scales_noise,

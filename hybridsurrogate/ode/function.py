@@ -319,6 +319,7 @@ class _Solutions:
             for name, values in late.items():
                 seen[ode.states.index(name)] = values
         slopes = checked_array(ode.rhs(t, seen, **given), "rhs", state.shape, "states by solutions")
+        plain = slopes
         if drive.added or self._adding or coupled:
             slopes = slopes.copy()
             for name, term in drive.added.items():
@@ -329,12 +330,52 @@ class _Solutions:
                     slopes[ode.states.index(name)] += term
         if not coupled:
             return slopes
-        own = []
-        for (change, numbers, row), other in zip(coupled, whole[len(ode.states) :], strict=True):
-            added, slope = change.exchange(state[row], other, numbers)
+        unseen, own = whole[len(ode.states) :], []
+        moved, acting = self._moved(t, seen, unseen, given, plain)
+        slopes += moved
+        for (change, numbers, row), other, acts in zip(coupled, unseen, acting, strict=True):
+            added, slope = change.exchange(state[row], other, numbers, acts)
             slopes[row] += added
             own.append(slope)
         return np.vstack([slopes, *own])
+
+    def _moved(
+        self,
+        t: float | FloatArray,
+        state: FloatArray,
+        unseen: FloatArray,
+        given: Mapping[str, FloatArray],
+        slopes: FloatArray,
+    ) -> tuple[FloatArray, list[FloatArray | float]]:
+        """Return what slopes change by as terms act on unseen states, and those terms, of each.
+
+        A term is what is gone from the right-hand side where its parameter is.
+        """
+        change = np.zeros_like(slopes)
+        terms: list[FloatArray | float] = [0.0] * len(unseen)
+        taken = [one.takes_over for one, *_ in self._coupled]
+        for moved in dict.fromkeys(filter(None, taken)):
+            (name, without), there = moved, state.copy()
+            here = [k for k, one in enumerate(taken) if one == moved]
+            idle = np.ones(state.shape[1], dtype=bool)
+            for k in here:
+                modification, numbers, row = self._coupled[k]
+                there[row] = unseen[k]
+                for size in modification.sizes:
+                    idle &= numbers[size] == modification.neutral[size]
+            # in one call: without it at the state, with and without it at the store
+            kept, gone = given[name], np.where(idle, given[name], without)
+            each = {other: np.tile(values, 3) for other, values in given.items()}
+            each[name] = np.concatenate([gone, kept, gone])
+            values = self.ode.rhs(t, np.hstack([state, there, there]), **each)
+            rest, with_it, without_it = np.hsplit(np.asarray(values, dtype=float), 3)
+            added, lost = with_it - without_it, slopes - rest
+            for k in here:
+                row = self._coupled[k][2]
+                terms[k] = added[row].copy()
+                added[row] = 0.0
+            change += added - lost
+        return change, terms
 
     @cached_property
     def _given(self) -> dict[str, FloatArray]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Self
 
 from scipy import stats
@@ -95,18 +95,7 @@ class Dynamic(Declared):
 
 
 @dataclass(eq=False, repr=False)
-class _OfState(Dynamic):
-    """A change of the slope of a state by numbers of which all priors have defaults."""
-
-    about = "state"
-    variant = "inside the dynamics"
-
-    state: str
-    prefix: str | None = None
-    priors: Mapping[str, Prior] | None = None
-
-
-class DynamicDelay(_OfState):
+class DynamicDelay(Dynamic):
     """A right-hand side that follows a state as it was a lag ago: a delay differential equation.
 
     Where `Delay` shifts the output as a whole, here a rate answers late, so that growth overshoots
@@ -140,6 +129,12 @@ class DynamicDelay(_OfState):
     """
 
     kind = "delay"
+    about = "state"
+    variant = "inside the dynamics"
+
+    state: str
+    prefix: str | None = None
+    priors: Mapping[str, Prior] | None = None
 
     @property
     def name(self) -> str:
@@ -185,7 +180,8 @@ register(
 _MAX_RATES = 800
 
 
-class DynamicStore(_OfState):
+@dataclass(eq=False, repr=False)
+class DynamicStore(Dynamic):
     """A state that the equations lack, which exchanges with one of theirs.
 
     ``dx/dt = ... - k (x - z)`` and ``dz/dt = k / ratio (x - z)``, z being the unseen state: the
@@ -195,6 +191,11 @@ class DynamicStore(_OfState):
     start z is x plus a gap. It needs an `OdeSimulator`; for other simulations `SecondStore` and
     `Decay` are the second exponential of a store that empties.
 
+    With ``through`` the store is in series: a term g of the slope acts on the store instead of the
+    state, ``dx/dt = ... - g(x) - k (x - z)`` and ``dz/dt = (k (x - z) + g(z)) / ratio``. A box
+    loses its heat through the wall (Bacher and Madsen 2011, Energy and Buildings 43, 1511 to 1522,
+    the models with an envelope), a drug is broken down in the tissue.
+
     Parameters
     ----------
     state : str
@@ -202,6 +203,16 @@ class DynamicStore(_OfState):
         As in `DynamicDrift`.
     priors : dict of name to prior, optional
         Of the numbers below, where the defaults do not fit.
+    through : str or None, default=None
+        The parameter, or assumed constant, that multiplies or divides the term, one of several in
+        the slope that follows the state. None: no term is moved.
+    divides : bool or None, default=None
+        Whether that parameter divides the term; None: `prepare` finds out.
+
+    Raises
+    ------
+    ValueError
+        By `prepare`, where there is no such state or term.
 
     Notes
     -----
@@ -238,15 +249,41 @@ class DynamicStore(_OfState):
     """
 
     kind = "second-store"
+    about = "state"
+
+    state: str
+    prefix: str | None = None
+    priors: Mapping[str, Prior] | None = None
+    through: str | None = None
+    divides: bool | None = None
+
+    @property
+    def variant(self) -> str:
+        """Whether a term acts on the store, and which."""
+        return f"in series with {self.through}" if self.through else "inside the dynamics"
+
+    @property
+    def name(self) -> str:
+        """The kind and the state, and what acts on the store."""
+        return f"{self.kind}({self.state}{f', {self.variant}' if self.through else ''})"
 
     @property
     def modification(self) -> CoupledStore:
         """The change of the right-hand side."""
-        return CoupledStore(self.state, self.prefix)
+        return CoupledStore(self.state, self.prefix, self.through, bool(self.divides))
 
     def prepare(self, context: Context) -> Cause:
         """Fill in the priors from the measured times and the size of the state."""
         size, axis = self.size_of(context, self.state), context.axis(context.inputs[0])
+        terms, divides = context.terms.get(self.state, {}), self.divides
+        if self.through is not None and divides is None:
+            if self.through not in terms:
+                raise ValueError(
+                    f"{self.through!r} multiplies or divides no single term of the slope of "
+                    f"{self.state!r} that follows it; there {'are' if terms else 'is'} "
+                    f"{list(terms) or 'none'}.{did_you_mean(self.through, terms)}"
+                )
+            divides = terms[self.through]
         shortest = max(axis.spacing / 4, axis.span / _MAX_RATES)
         defaults = {
             # 95 % of the stores are between a twentieth and twenty times the state's
@@ -254,11 +291,24 @@ class DynamicStore(_OfState):
             "scale": frozen(stats.loguniform, shortest, axis.span),
             "gap": frozen(stats.t, 3, scale=size),
         }
-        return self.completed(context, defaults)
+        return self.completed(context, defaults, divides=divides)
 
     def start(self) -> dict[str, float]:
         """Return a store that is at rest; at a ratio of zero the prior ends: it is enumerated."""
         return {"gap": 0.0}
+
+    def shown(self) -> Code:
+        """Return both equations, with the term where it acts."""
+        code = self.code()
+        if self.through is None:
+            return code
+        term = f"term of {self.through}"
+        return replace(
+            code,
+            expression=f"{code.expression} - {{term}}",
+            unseen="({rate} * ({state} - {store}) + {moved}) / {ratio}",
+            states={**code.states, "term": term, "moved": f"{term} at the store"},
+        )
 
     def code(self) -> Code:
         """Return the cause as Python."""
@@ -270,6 +320,7 @@ class DynamicStore(_OfState):
             of=self.state,
             states={"state": self.state, "store": f"store of {self.state}"},
             unseen="{rate} / {ratio} * ({state} - {store})",
+            through=self.modification.takes_over,
         )
 
 
@@ -286,5 +337,23 @@ register(
             "{target} exchanges with a store that its equation leaves out, {ratio:size} "
             "times its size, over {scale}"
         ),
-    )
+    ),
+    Form(
+        "second-store: in series",
+        DynamicStore,
+        lambda context: (
+            DynamicStore(state, through=name)
+            for state in context.states
+            for name in context.terms.get(state, ())
+        ),
+        meaning=(
+            "{target} exchanges with a store that its equation leaves out, and one of its terms "
+            "acts on that store, as a room loses its heat through the walls or a drug is broken "
+            "down in tissue"
+        ),
+        headline=(
+            "{through} acts on a store with which {target} exchanges, {ratio:size} times its size, "
+            "over {scale}, and not on {target} itself"
+        ),
+    ),
 )
