@@ -224,6 +224,32 @@ class OdeFunction:
 
 
 @dataclass(frozen=True)
+class _Moving:
+    """A term that acts on unseen states: its parameter, and the value of that without the term.
+
+    Solutions that are idle (m,) keep the term. Stores are positions of unseen states, and rows of
+    the states that they couple to.
+    """
+
+    name: str
+    without: float
+    idle: NDArray[np.bool_]
+    stores: list[tuple[int, int]]
+    given: dict[str, FloatArray]
+
+    @cached_property
+    def plain(self) -> dict[str, FloatArray]:
+        """The parameters three times where nothing drives them: they are the same at all times."""
+        return self.thrice(self.given)
+
+    def thrice(self, given: Mapping[str, FloatArray]) -> dict[str, FloatArray]:
+        """Return parameters (m,) three times, (3 m,): without the term, with and without it."""
+        gone = np.where(self.idle, given[self.name], self.without)
+        each = {name: np.concatenate([values] * 3) for name, values in given.items()}
+        return each | {self.name: np.concatenate([gone, given[self.name], gone])}
+
+
+@dataclass(frozen=True)
 class _Solutions:
     """Solutions with their parameters (m,), and the rows (n,) that read values off them."""
 
@@ -351,31 +377,35 @@ class _Solutions:
 
         A term is what is gone from the right-hand side where its parameter is.
         """
-        change = np.zeros_like(slopes)
+        change, m = np.zeros_like(slopes), state.shape[1]
         terms: list[FloatArray | float] = [0.0] * len(unseen)
-        taken = [one.takes_over for one, *_ in self._coupled]
-        for moved in dict.fromkeys(filter(None, taken)):
-            (name, without), there = moved, state.copy()
-            here = [k for k, one in enumerate(taken) if one == moved]
-            idle = np.ones(state.shape[1], dtype=bool)
-            for k in here:
-                modification, numbers, row = self._coupled[k]
+        for moving in self._moving:
+            there = state.copy()
+            for k, row in moving.stores:
                 there[row] = unseen[k]
-                for size in modification.sizes:
-                    idle &= numbers[size] == modification.neutral[size]
             # in one call: without it at the state, with and without it at the store
-            kept, gone = given[name], np.where(idle, given[name], without)
-            each = {other: np.tile(values, 3) for other, values in given.items()}
-            each[name] = np.concatenate([gone, kept, gone])
-            values = self.ode.rhs(t, np.hstack([state, there, there]), **each)
-            rest, with_it, without_it = np.hsplit(np.asarray(values, dtype=float), 3)
-            added, lost = with_it - without_it, slopes - rest
-            for k in here:
-                row = self._coupled[k][2]
+            each = moving.plain if given is moving.given else moving.thrice(given)
+            values = np.asarray(self.ode.rhs(t, np.hstack([state, there, there]), **each))
+            rest, added = values[:, :m], values[:, m : 2 * m] - values[:, 2 * m :]
+            for k, row in moving.stores:
                 terms[k] = added[row].copy()
                 added[row] = 0.0
-            change += added - lost
+            change += added - (slopes - rest)
         return change, terms
+
+    @cached_property
+    def _moving(self) -> list[_Moving]:
+        taken = [change.takes_over for change, *_ in self._coupled]
+        out = []
+        for name, without in dict.fromkeys(filter(None, taken)):
+            stores = [k for k, one in enumerate(taken) if one == (name, without)]
+            idle = np.ones(len(self), dtype=bool)
+            for change, numbers, _ in (self._coupled[k] for k in stores):
+                for size in change.sizes:
+                    idle &= numbers[size] == change.neutral[size]
+            rows = [(k, self._coupled[k][2]) for k in stores]
+            out.append(_Moving(name, without, idle, rows, self._given))
+        return out
 
     @cached_property
     def _given(self) -> dict[str, FloatArray]:

@@ -352,8 +352,8 @@ register(
             "down in tissue"
         ),
         headline=(
-            "{through} acts on a store with which {target} exchanges, {ratio:size} times its size, "
-            "over {scale}, and not on {target} itself"
+            "The term of {through} acts on a store that exchanges with {target} over {scale}, "
+            "{ratio:size} times its size, and not on {target} itself"
         ),
     ),
 )

@@ -179,7 +179,7 @@ FOUND = {
         hs.DynamicStore("prey"),
         {"ratio": 2.0, "scale": 3.0},
     ),
-    "loss acts on a store with which prey exchanges, 2.0 times its size, over 3.0 h, "
+    "The term of loss acts on a store that exchanges with prey over 3.0 h, 2.0 times its size, "
     "and not on prey itself.": (
         hs.DynamicStore("prey", through="loss"),
         {"ratio": 2.0, "scale": 3.0},
