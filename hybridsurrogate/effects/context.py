@@ -259,7 +259,7 @@ class Context:
     rates : tuple of str
         Those parameters and assumed constants that its right-hand side takes.
     terms : dict of str to dict of str to bool
-        Of each state those that multiply or divide a term of its slope which follows the state; and
+        Of each state those that multiply or divide a term of its slope which falls as it grows; and
         whether they divide it.
     starts : tuple of str
         Those parameters that set the initial state of a simulation in time and nothing else.

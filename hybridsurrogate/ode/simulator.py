@@ -96,7 +96,7 @@ class OdeSimulator(Simulator):
         Those parameters that the initial state takes, and neither rhs nor observe.
     terms : dict of str to dict of str to bool
         Of each state those rates that multiply or divide one of several terms of its slope which
-        follows the state; and whether they divide it.
+        falls as the state grows, as a loss does; and whether they divide it.
 
     Notes
     -----

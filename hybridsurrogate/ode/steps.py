@@ -169,15 +169,16 @@ def _shape(function: OdeFunction, columns: StateColumns) -> tuple[int, int]:
 
 # times at which terms are looked for, and the share of a slope's size that is rounding
 _N_TIMES_OF_TERMS, _ROUNDING = 8, 1e-6
-# a state that is changed by so much stays where the equation holds
-_CHANGED = 0.9
+# a state that is smaller by such a share stays where the equation holds
+_SMALLER = 0.1
 
 
 def separate_terms(
     function: OdeFunction, columns: StateColumns, names: Sequence[str]
 ) -> dict[str, dict[str, bool]]:
-    """Return of each state the parameters of single terms of its slope that follow the state.
+    """Return of each state the parameters of single terms of its slope that fall as it grows.
 
+    Such a term, as a loss, draws the state to where it comes to rest, and so it can draw a store.
     The parameter p multiplies the term or divides it: the right-hand side f is linear in p, or in
     1 / p, and f(p = 0), or f(p = infinity), is what it is without the term. Of the parameters of
     one term the first counts.
@@ -206,9 +207,10 @@ def separate_terms(
             continue
         terms.append(term)
         size = size[:, 0]
-        follows = np.abs(term[:, 1:] - term[:, :1]).max(axis=-1).diagonal() > size
+        change = np.einsum("iij->ij", term[:, 1:] - term[:, :1])
+        falls = (change.max(axis=-1) > size) & (change.min(axis=-1) >= -size)
         is_part = np.abs(slopes - term)[:, 0].max(axis=-1) > size
-        for k in np.flatnonzero(follows & is_part):
+        for k in np.flatnonzero(falls & is_part):
             found[function.states[k]][name] = divides
     return found
 
@@ -245,16 +247,17 @@ def _slopes(
     Returns
     -------
     ndarray of shape (n_states, 1 + n_states, n)
-        At these states, and with each of them changed.
+        At these states, and with each of them smaller.
     """
     n, m, n_times = solved.shape
     each = {key: values.reshape(m, n_times) for key, values in columns.items()}
-    changed = np.hstack([np.ones((n, 1)), np.where(np.eye(n), _CHANGED, 1.0)])[..., None]
+    smaller = _SMALLER * np.eye(n, n + 1, 1)[..., None]
     out = []
     for k in range(0, n_times, max(1, n_times // _N_TIMES_OF_TERMS)):
         given = {one: np.tile(each[one][:, k], n + 1) for one in function.rate_names}
         given[name] = given[name] * factor
-        state = (changed * solved[:, None, :, k]).reshape(n, -1)
+        state = solved[:, None, :, k]
+        state = (state - smaller * np.abs(state)).reshape(n, -1)
         try:
             slopes = np.asarray(function.rhs(float(each[function.time][0, k]), state, **given))
         except Exception:

@@ -163,7 +163,7 @@ def test_a_term_that_no_store_can_take_over_is_told():
 
 
 def test_terms_that_a_store_can_take_over():
-    # the heat follows no state, and is nothing that moves
+    # the heat does not fall as the air gets warmer
     assert make_room().terms == {"air": {"resistance": True, "uptake": False}, "paper": {}}
     # the whole slope is no term of it, nor is what a number bends
     assert make_decay().terms == {"n": {}}

@@ -204,8 +204,8 @@ class DynamicStore(Dynamic):
     priors : dict of name to prior, optional
         Of the numbers below, where the defaults do not fit.
     through : str or None, default=None
-        The parameter, or assumed constant, that multiplies or divides the term, one of several in
-        the slope that follows the state. None: no term is moved.
+        The parameter, or assumed constant, that multiplies or divides the term: one of several in
+        the slope, which falls as the state grows. None: no term is moved.
     divides : bool or None, default=None
         Whether that parameter divides the term; None: `prepare` finds out.
 
@@ -280,7 +280,7 @@ class DynamicStore(Dynamic):
             if self.through not in terms:
                 raise ValueError(
                     f"{self.through!r} multiplies or divides no single term of the slope of "
-                    f"{self.state!r} that follows it; there {'are' if terms else 'is'} "
+                    f"{self.state!r} that falls as it grows; there {'are' if terms else 'is'} "
                     f"{list(terms) or 'none'}.{did_you_mean(self.through, terms)}"
                 )
             divides = terms[self.through]
