@@ -119,7 +119,8 @@ class CoupledStore(_OfState):
         ratio = numbers["ratio"]
         flow = (state - unseen) / (numbers["scale"] * (1 + ratio))
         # a store without size takes no term over
-        return -ratio * flow, flow + term / np.where(ratio == 0, 1.0, ratio)
+        own = flow + term / np.where(ratio == 0, 1.0, ratio) if self.through else flow
+        return -ratio * flow, own
 
 
 # the parameter changes by a factor of at most exp(5): beyond it no solver gets through

@@ -356,14 +356,13 @@ class _Solutions:
                     slopes[ode.states.index(name)] += term
         if not coupled:
             return slopes
-        unseen, own = whole[len(ode.states) :], []
-        moved, acting = self._moved(t, seen, unseen, given, plain)
-        slopes += moved
+        unseen, own = whole[len(ode.states) :], [slopes]
+        acting = self._moved(t, seen, unseen, given, plain, slopes)
         for (change, numbers, row), other, acts in zip(coupled, unseen, acting, strict=True):
             added, slope = change.exchange(state[row], other, numbers, acts)
             slopes[row] += added
-            own.append(slope)
-        return np.vstack([slopes, *own])
+            own.append(slope[None])
+        return np.concatenate(own)
 
     def _moved(
         self,
@@ -371,13 +370,14 @@ class _Solutions:
         state: FloatArray,
         unseen: FloatArray,
         given: Mapping[str, FloatArray],
+        plain: FloatArray,
         slopes: FloatArray,
-    ) -> tuple[FloatArray, list[FloatArray | float]]:
-        """Return what slopes change by as terms act on unseen states, and those terms, of each.
+    ) -> list[FloatArray | float]:
+        """Return the terms that act on unseen states, of each, and move them from the slopes.
 
-        A term is what is gone from the right-hand side where its parameter is.
+        A term is what is gone from the right-hand side, ``plain``, where its parameter is.
         """
-        change, m = np.zeros_like(slopes), state.shape[1]
+        m = state.shape[1]
         terms: list[FloatArray | float] = [0.0] * len(unseen)
         for moving in self._moving:
             there = state.copy()
@@ -385,13 +385,14 @@ class _Solutions:
                 there[row] = unseen[k]
             # in one call: without it at the state, with and without it at the store
             each = moving.plain if given is moving.given else moving.thrice(given)
-            values = np.asarray(self.ode.rhs(t, np.hstack([state, there, there]), **each))
+            states = np.concatenate([state, there, there], axis=1)
+            values = np.asarray(self.ode.rhs(t, states, **each))
             rest, added = values[:, :m], values[:, m : 2 * m] - values[:, 2 * m :]
             for k, row in moving.stores:
                 terms[k] = added[row].copy()
                 added[row] = 0.0
-            change += added - (slopes - rest)
-        return change, terms
+            slopes += added - (plain - rest)
+        return terms
 
     @cached_property
     def _moving(self) -> list[_Moving]:
