@@ -246,6 +246,17 @@ class DynamicStore(Dynamic):
     >>> model = model.fit(t[:, None], y + 0.01 * np.cos(40 * t))
     >>> float(model.posterior_.estimates(0)["ratio"].mean().round(1))
     1.5
+
+    A box that is heated, and loses heat through its wall:
+
+    >>> box = hs.OdeSimulator(
+    ...     lambda t, state, loss: np.sin(t) ** 2 - loss * state, initial_state=[8.0],
+    ...     observe=lambda state: state[0], inputs={"t": (0, 10)}, states="air",
+    ...     parameters={"loss": hs.truncated_normal(0.5, 0.1, 0, 1)})
+    >>> box.terms
+    {'air': {'loss': False}}
+    >>> hs.DynamicStore("air", through="loss").name
+    'second-store(air, in series with loss)'
     """
 
     kind = "second-store"
