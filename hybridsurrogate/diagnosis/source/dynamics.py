@@ -15,7 +15,6 @@ from hybridsurrogate.diagnosis.source.parts import (
 from hybridsurrogate.diagnosis.source.text import (
     call,
     definition,
-    dict_of,
     inline,
     keywords,
     literal,
@@ -89,7 +88,8 @@ def dynamics(model: ExtendedModel, parts: SourceParts) -> list[str]:
     lags = {ode.states.index(part.code.of): part.ids["lag"] for part in late}
     given["lags"] = ", ".join(f"{k}: float({lag}[0])" for k, lag in lags.items())
     solution = (_LATE_SOLUTION if late else _SOLUTION).format_map(given)
-    return [_right_hand_side(parts, time, varying, seen), solution, _SOLUTIONS.format_map(given)]
+    own = [_right_hand_side(parts, time, varying, seen), solution, _SOLUTIONS.format_map(given)]
+    return [_MOVED_TERM, *own] if any(one.code.through for one in stores) else own
 
 
 def _right_hand_side(
@@ -150,22 +150,24 @@ def _moved_terms(parts: SourceParts, time: str, state: str) -> tuple[dict[str, s
             for k, one in enumerate(stores)
             if one.through is not None and one.through[0] == name
         }
-        given = {one: parts.ids[one] for one in ode.rate_names}
+        given = ["rhs", time, literal(name), text_of(without), *keywords(ode.rate_names, parts.ids)]
         lines += [
             f"    # of the store, no longer of the state: the term of {inline(name)}",
-            f"    given, there = {dict_of(given)}, {state}.copy()",
+            f"    there = {state}.copy()",
             *(f"    there[{row}] = state[{unseen}]" for row, unseen in rows.items()),
-            "    gone, " + term + " = (",
-            "        np.subtract(",
-            f"            rhs({time}, at, **given),",
-            f"            rhs({time}, at, **{{**given, {literal(name)}: {text_of(without)}}}),",
-            "        ).reshape(at.shape)",
-            f"        for at in ({state}, there)",
-            "    )",
+            call("moved_term", [state, *given], "gone = "),
+            call("moved_term", ["there", *given], f"{term} = "),
             f"    slopes += {term} - gone",
             *(f"    slopes[{row}] -= {term}[{row}]" for row in rows),
         ]
     return terms, lines
+
+
+_MOVED_TERM = '''def moved_term(state, rhs, moment, name, without, /, **given):
+    """Return what slopes lose with a parameter as it is without its term."""
+    slopes = rhs(moment, state, **given)
+    rest = rhs(moment, state, **{**given, name: without})
+    return np.subtract(slopes, rest).reshape(state.shape)'''
 
 
 _FIRST = """
