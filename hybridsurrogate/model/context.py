@@ -258,6 +258,7 @@ def make_context(
         ratio=far[1],
         states=simulator.typical_states(X[:, :n_inputs]) if simulator else {},
         remembers=simulator.remembers if simulator else False,
+        resolved=simulator.resolved if simulator else 0.0,
         rates=simulator.rates if simulator else (),
         terms=simulator.terms if simulator else {},
         starts=starts,

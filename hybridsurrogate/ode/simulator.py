@@ -334,6 +334,15 @@ class OdeSimulator(Simulator):
         sizes = np.where(square > 0, np.sqrt(square), 1.0)
         return dict(zip(self.states, map(float, sizes), strict=True))
 
+    @property
+    def resolved(self) -> float:
+        """The shortest time in which something may decay: half a step of "rk4".
+
+        With less than 1 / 2.8 of a step it is unstable (Hairer and Wanner 1996, section IV.2).
+        Other methods have no limit.
+        """
+        return self.function.step / 2 if self.method == "rk4" else 0.0
+
     @cached_property
     def terms(self) -> dict[str, dict[str, bool]]:
         """Of each state the rates that multiply or divide a term, and whether they divide it."""

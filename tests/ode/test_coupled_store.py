@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import numpy as np
+import pandas as pd
 import pytest
 from agreement import assert_same_numbers
 from decay import make_decay
 from few_kinds import all_but
 from scipy.integrate import solve_ivp
 from scipy.linalg import expm
+from tide import context_of
 
 import hybridsurrogate as hs
 from hybridsurrogate.ode.dynamics import CoupledStore
@@ -61,6 +63,22 @@ def test_it_stands_with_other_changes_of_a_driven_equation():
     true = solve_ivp(slopes, (0, 6), [20.0, 1.0, 15.0], t_eval=t, rtol=1e-9, atol=1e-9).y[0]
     rows = np.tile([0.5, 3.0, RATIO, SCALE, -5.0], (13, 1))
     np.testing.assert_allclose(box(t, rows), true, atol=1e-4)
+
+
+def test_exchanges_are_no_faster_than_the_solver_resolves():
+    """Of rows in a part of the range of time: steps are a share of the whole range."""
+    cooling = make_decay(
+        rhs=lambda t, state, rate: rate * (22 - state),
+        initial_state=[95.0],
+        inputs={"t": (0, 221)},
+        parameters={"rate": hs.truncated_normal(0.03, 0.02, 0, 0.2)},
+    )
+    t = np.arange(101.0)
+    store = hs.DynamicStore("n").prepare(context_of(pd.DataFrame({"t": t}), cooling))
+    shortest = store.parameters["scale"].ppf(0.0)
+    rows = np.tile([0.03, 0.1, shortest, -5.0], (len(t), 1))
+    out = cooling.modified([CoupledStore("n")])(t, rows)
+    assert np.all((out > 22) & (out < 96))
 
 
 def test_a_state_that_is_not_there_is_told():

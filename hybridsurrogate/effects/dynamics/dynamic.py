@@ -176,10 +176,6 @@ register(
 )
 
 
-# of the steps of "rk4", at least 400 in the range of time, an exchange takes half of one or more
-_MAX_RATES = 800
-
-
 @dataclass(eq=False, repr=False)
 class DynamicStore(Dynamic):
     """A state that the equations lack, which exchanges with one of theirs.
@@ -220,8 +216,8 @@ class DynamicStore(Dynamic):
 
     - ratio: log-normal, 95 % of it between a twentieth and twenty: a much smaller store does
       nothing, a much larger one is a constant, which `DynamicTerm` has;
-    - scale: log-uniform, from a quarter of the distance of neighbouring rows, or 1/800 of their
-      span, to that span: what a driven state does at once is seen of a faster exchange, and of
+    - scale: log-uniform, from a quarter of the distance of neighbouring rows, or half a step of
+      "rk4", to their span: what a driven state does at once is seen of a faster exchange, and of
       a slower one no more than a constant;
     - gap: Student-t with 3 degrees of freedom around zero, its scale the typical size of the state,
       so that a store at rest and an empty one are both ordinary.
@@ -295,7 +291,8 @@ class DynamicStore(Dynamic):
                     f"{list(terms) or 'none'}.{did_you_mean(self.through, terms)}"
                 )
             divides = terms[self.through]
-        shortest = max(axis.spacing / 4, axis.span / _MAX_RATES)
+        # rows may lie within few steps of the solver
+        shortest = max(axis.spacing / 4, min(context.resolved, axis.span / 4))
         defaults = {
             # 95 % of the stores are between a twentieth and twenty times the state's
             "ratio": frozen(stats.lognorm, 1.5),
