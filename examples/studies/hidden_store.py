@@ -1,6 +1,6 @@
 """Blind cases of an unseen store that exchanges with a state of an ODE, of other faults, of none.
 
-The store is beside the equation, or in series: a term of the equation acts on it.
+The store is next to the equation, or in series: a term of the equation acts on it.
 
 The truth is solved by scipy, apart from the package. The size of a fault is the root mean square of
 what is left of it after the simulation's parameters have been fitted to the noise-free truth, in
