@@ -1,5 +1,7 @@
 """Blind cases of an unseen store that exchanges with a state of an ODE, of other faults, of none.
 
+The store is next to the equation, or in series: a term of the equation acts on it.
+
 The truth is solved by scipy, apart from the package. The size of a fault is the root mean square of
 what is left of it after the simulation's parameters have been fitted to the noise-free truth, in
 standard deviations of the noise. The diagnosis is passed the simulation and the measurements only.
@@ -24,6 +26,15 @@ import hybridsurrogate as hs
 SIZE, ROWS, SPAN = 2.0, 40, 24.0
 # what is hidden by whom the slopes are passed through, in turn
 OTHERS = ("constant", "threshold", "crowding", "drift", "delay", "seasonal")
+# what acts on a store in series instead of the observed state
+TERMS: dict[str, Callable] = {
+    "box": lambda t, x, loss, heat: loss * (outside(t)[0] - x),
+    "dose": lambda t, x, elimination: -elimination * x,
+    "growth": lambda t, x, rate, capacity: -rate * x**2 / capacity,
+    "reaction": lambda t, x, first, second: -second * x,
+}
+# the order of the seeds
+KINDS = ("store", "none", "others", "series")
 # the share of the range of the output that noise may be
 _NOISE = (0.003, 0.3)
 
@@ -101,13 +112,16 @@ def solved(name: str, t, values: dict[str, float], fault: dict[str, float | str]
             out[seen] += fault["rate"] * x * abs(x)
         elif kind == "seasonal":
             out[seen] += fault["rate"] * np.sin(2 * np.pi * time / fault["period"] + fault["phase"])
-        elif kind == "store":
-            flow = fault["exchange"] * (x - state[n])
+        elif kind in ("store", "series"):
+            flow, moved = fault["exchange"] * (x - state[n]), 0.0
             out[seen] -= flow
-            out = np.append(out, flow / fault["ratio"])
+            if kind == "series":
+                out[seen] -= TERMS[name](time, x, **own)
+                moved = TERMS[name](time, state[n], **own)
+            out = np.append(out, (flow + moved) / fault["ratio"])
         return out
 
-    if kind == "store":
+    if kind in ("store", "series"):
         first = np.append(first, fault["share"] * first[seen])
     if kind != "delay":
         found = solve_ivp(slopes, (0, SPAN), first, t_eval=t, rtol=1e-8, atol=1e-9, max_step=0.1)
@@ -126,7 +140,7 @@ def drawn(kind: str, scale: float, rng) -> dict[str, float | str]:
     sign = rng.choice([-1.0, 1.0])
     return {"kind": kind} | {
         "none": lambda: {},
-        "store": lambda: {
+        "store" if kind == "store" else "series": lambda: {
             "ratio": float(np.exp(rng.uniform(np.log(0.3), np.log(5)))),
             "exchange": float(np.exp(rng.uniform(np.log(0.1), np.log(2)))),
             "share": float(rng.choice([0.0, 1.0, rng.uniform(0.3, 1.5)])),
@@ -180,14 +194,14 @@ def main(argv: list[str] | None = None) -> None:
     asked = argparse.ArgumentParser(description=__doc__)
     asked.add_argument("--cases", type=int, default=20)
     asked.add_argument("--first", type=int, default=870000)
-    asked.add_argument("--kinds", nargs="+", default=["store", "none", "others"])
+    asked.add_argument("--kinds", nargs="+", default=list(KINDS))
     given = asked.parse_args(argv)
     warnings.simplefilter("ignore")
     for kind in given.kinds:
         counts: Counter[str] = Counter()
         for k in range(given.cases):
             hidden = OTHERS[k % len(OTHERS)] if kind == "others" else kind
-            seed = given.first + 1000 * ["store", "none", "others"].index(kind) + k
+            seed = given.first + 1000 * KINDS.index(kind) + k
             name, t, y, fault = case(hidden, seed)
             model = hs.PowerScaledSurrogate(
                 simulator(name), surrogate=hs.ExactSurrogate(), n_draws=300, random_state=0
@@ -199,6 +213,7 @@ def main(argv: list[str] | None = None) -> None:
             counts["p <= 0.05"] += found.p_value_ <= 0.05
             counts["store first"] += first.kind == "second-store"
             counts["store in set"] += "second-store" in alike
+            counts["in series first"] += "in series" in form
             numbers = {k: round(v, 2) for k, v in fault.items() if k != "kind"}
             print(
                 f"{seed} {name:9} {hidden:9} {found.verdict_:11} p {found.p_value_:.3f} {form:42}"

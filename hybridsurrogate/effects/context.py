@@ -256,8 +256,13 @@ class Context:
         Typical sizes of the states of an `OdeSimulator` that is run directly, else empty.
     remembers : bool
         Whether its solver can pass earlier states to the right-hand side: "rk4" can.
+    resolved : float
+        The shortest time in which a state may decay for its solver; zero: there is no limit.
     rates : tuple of str
         Those parameters and assumed constants that its right-hand side takes.
+    terms : dict of str to dict of str to bool
+        Of each state those that multiply or divide a term of its slope which falls as it grows; and
+        whether they divide it.
     starts : tuple of str
         Those parameters that set the initial state of a simulation in time and nothing else.
     gaussian, scales_noise : bool
@@ -308,7 +313,9 @@ class Context:
     ratio: float = 1.0
     states: Mapping[str, float] = field(default_factory=dict)
     remembers: bool = False
+    resolved: float = 0.0
     rates: tuple[str, ...] = ()
+    terms: Mapping[str, Mapping[str, bool]] = field(default_factory=dict)
     starts: tuple[str, ...] = ()
     gaussian: bool = True
     scales_noise: bool = True

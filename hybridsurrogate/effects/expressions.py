@@ -150,6 +150,9 @@ class Code:
     unseen : str
         The slope of an unseen state, ``{store}``, that takes what the expression adds to a slope,
         over ``{ratio}``, and begins at that state plus ``{gap}``.
+    through : (str, float) or None
+        The parameter whose term of the slope acts on the unseen state instead, and its value
+        without that term.
     by_row : mapping of str to str
         Numbers of an ODE that differ between rows, as expressions.
     grids : mapping of str to (float, float, int)
@@ -183,6 +186,7 @@ class Code:
     of: str = ""
     states: Mapping[str, str] = field(default_factory=dict)
     unseen: str = ""
+    through: tuple[str, float] | None = None
     table: LevelTable | None = None
     by_row: Mapping[str, str] = field(default_factory=dict)
     grids: Mapping[str, tuple[float, float, int]] = field(default_factory=dict)

@@ -224,6 +224,32 @@ class OdeFunction:
 
 
 @dataclass(frozen=True)
+class _Moving:
+    """A term that acts on unseen states: its parameter, and the value of that without the term.
+
+    Solutions that are idle (m,) keep the term. Stores are positions of unseen states, and rows of
+    the states that they couple to.
+    """
+
+    name: str
+    without: float
+    idle: NDArray[np.bool_]
+    stores: list[tuple[int, int]]
+    given: dict[str, FloatArray]
+
+    @cached_property
+    def plain(self) -> dict[str, FloatArray]:
+        """The parameters three times where nothing drives them: they are the same at all times."""
+        return self.thrice(self.given)
+
+    def thrice(self, given: Mapping[str, FloatArray]) -> dict[str, FloatArray]:
+        """Return parameters (m,) three times, (3 m,): without the term, with and without it."""
+        gone = np.where(self.idle, given[self.name], self.without)
+        each = {name: np.concatenate([values] * 3) for name, values in given.items()}
+        return each | {self.name: np.concatenate([gone, given[self.name], gone])}
+
+
+@dataclass(frozen=True)
 class _Solutions:
     """Solutions with their parameters (m,), and the rows (n,) that read values off them."""
 
@@ -319,6 +345,7 @@ class _Solutions:
             for name, values in late.items():
                 seen[ode.states.index(name)] = values
         slopes = checked_array(ode.rhs(t, seen, **given), "rhs", state.shape, "states by solutions")
+        plain = slopes
         if drive.added or self._adding or coupled:
             slopes = slopes.copy()
             for name, term in drive.added.items():
@@ -329,12 +356,57 @@ class _Solutions:
                     slopes[ode.states.index(name)] += term
         if not coupled:
             return slopes
-        own = []
-        for (change, numbers, row), other in zip(coupled, whole[len(ode.states) :], strict=True):
-            added, slope = change.exchange(state[row], other, numbers)
+        unseen, own = whole[len(ode.states) :], [slopes]
+        acting = self._moved(t, seen, unseen, given, plain, slopes)
+        for (change, numbers, row), other, acts in zip(coupled, unseen, acting, strict=True):
+            added, slope = change.exchange(state[row], other, numbers, acts)
             slopes[row] += added
-            own.append(slope)
-        return np.vstack([slopes, *own])
+            own.append(slope[None])
+        return np.concatenate(own)
+
+    def _moved(
+        self,
+        t: float | FloatArray,
+        state: FloatArray,
+        unseen: FloatArray,
+        given: Mapping[str, FloatArray],
+        plain: FloatArray,
+        slopes: FloatArray,
+    ) -> list[FloatArray | float]:
+        """Return the terms that act on unseen states, of each, and move them from the slopes.
+
+        A term is what is gone from the right-hand side, ``plain``, where its parameter is.
+        """
+        m = state.shape[1]
+        terms: list[FloatArray | float] = [0.0] * len(unseen)
+        for moving in self._moving:
+            there = state.copy()
+            for k, row in moving.stores:
+                there[row] = unseen[k]
+            # in one call: without it at the state, with and without it at the store
+            each = moving.plain if given is moving.given else moving.thrice(given)
+            states = np.concatenate([state, there, there], axis=1)
+            values = np.asarray(self.ode.rhs(t, states, **each))
+            rest, added = values[:, :m], values[:, m : 2 * m] - values[:, 2 * m :]
+            for k, row in moving.stores:
+                terms[k] = added[row].copy()
+                added[row] = 0.0
+            slopes += added - (plain - rest)
+        return terms
+
+    @cached_property
+    def _moving(self) -> list[_Moving]:
+        taken = [change.takes_over for change, *_ in self._coupled]
+        out = []
+        for name, without in dict.fromkeys(filter(None, taken)):
+            stores = [k for k, one in enumerate(taken) if one == (name, without)]
+            idle = np.ones(len(self), dtype=bool)
+            for change, numbers, _ in (self._coupled[k] for k in stores):
+                for size in change.sizes:
+                    idle &= numbers[size] == change.neutral[size]
+            rows = [(k, self._coupled[k][2]) for k in stores]
+            out.append(_Moving(name, without, idle, rows, self._given))
+        return out
 
     @cached_property
     def _given(self) -> dict[str, FloatArray]:

@@ -6,6 +6,7 @@ import inspect
 import numbers
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -22,7 +23,7 @@ from hybridsurrogate.arguments import (
     described,
 )
 from hybridsurrogate.ode.function import OdeFunction
-from hybridsurrogate.ode.steps import chosen, sized, warn_if_too_long, with_step
+from hybridsurrogate.ode.steps import chosen, separate_terms, sized, warn_if_too_long, with_step
 from hybridsurrogate.simulation.arrays import as_numbers, as_table
 from hybridsurrogate.simulation.evaluation import Running
 from hybridsurrogate.simulation.modification import Modification
@@ -93,6 +94,9 @@ class OdeSimulator(Simulator):
         Those parameters and assumed constants that the right-hand side takes.
     starts : tuple of str
         Those parameters that the initial state takes, and neither rhs nor observe.
+    terms : dict of str to dict of str to bool
+        Of each state those rates that multiply or divide one of several terms of its slope which
+        falls as the state grows, as a loss does; and whether they divide it.
 
     Notes
     -----
@@ -329,6 +333,20 @@ class OdeSimulator(Simulator):
         square = np.nanmean(self.function.solution(columns) ** 2, axis=1)
         sizes = np.where(square > 0, np.sqrt(square), 1.0)
         return dict(zip(self.states, map(float, sizes), strict=True))
+
+    @property
+    def resolved(self) -> float:
+        """The shortest time in which something may decay: half a step of "rk4".
+
+        With less than 1 / 2.8 of a step it is unstable (Hairer and Wanner 1996, section IV.2).
+        Other methods have no limit.
+        """
+        return self.function.step / 2 if self.method == "rk4" else 0.0
+
+    @cached_property
+    def terms(self) -> dict[str, dict[str, bool]]:
+        """Of each state the rates that multiply or divide a term, and whether they divide it."""
+        return separate_terms(self.function, self._typical(), self.rates)
 
     def _medians(self, n: int) -> dict[str, FloatArray]:
         """Return n equal rows in the middle of the inputs and at the medians of the priors."""

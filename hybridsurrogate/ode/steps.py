@@ -1,8 +1,9 @@
-"""The step of a Runge-Kutta method: as long as solutions allow; and the method for stiff ones."""
+"""What solutions that are tried show: the longest step, a stiff equation, the terms of slopes."""
 
 from __future__ import annotations
 
 import warnings
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -164,6 +165,106 @@ def _shape(function: OdeFunction, columns: StateColumns) -> tuple[int, int]:
     times = columns[function.time]
     n_solutions = int(np.sum(times == times[0]))
     return n_solutions, len(times) // n_solutions
+
+
+# times at which terms are looked for, and the share of a slope's size that is rounding
+_N_TIMES_OF_TERMS, _ROUNDING = 8, 1e-6
+# a state that is smaller by such a share stays where the equation holds
+_SMALLER = 0.1
+
+
+def separate_terms(
+    function: OdeFunction, columns: StateColumns, names: Sequence[str]
+) -> dict[str, dict[str, bool]]:
+    """Return of each state the parameters of single terms of its slope that fall as it grows.
+
+    Such a term, as a loss, draws the state to where it comes to rest, and so it can draw a store.
+    The parameter p multiplies the term or divides it: the right-hand side f is linear in p, or in
+    1 / p, and f(p = 0), or f(p = infinity), is what it is without the term. Of the parameters of
+    one term the first counts.
+
+    Parameters
+    ----------
+    columns : dict of name to ndarray of shape (n_solutions * n_times,)
+        As in `with_step`.
+    names : sequence of str
+        Parameters of the right-hand side.
+
+    Returns
+    -------
+    dict of state to dict of parameter to bool
+        Whether it divides the term.
+    """
+    found: dict[str, dict[str, bool]] = {state: {} for state in function.states}
+    solved, terms = _solved(function, columns), list[FloatArray]()
+    for name in names:
+        with np.errstate(all="ignore"):
+            divides, slopes, term = _term(
+                *(_slopes(function, columns, solved, name, k) for k in (0.0, 1.0, 2.0, np.inf))
+            )
+        size = _size(slopes)
+        if any(np.all(np.abs(term - other) <= size[..., None]) for other in terms):
+            continue
+        terms.append(term)
+        size = size[:, 0]
+        change = np.einsum("iij->ij", term[:, 1:] - term[:, :1])
+        falls = (change.max(axis=-1) > size) & (change.min(axis=-1) >= -size)
+        is_part = np.abs(slopes - term)[:, 0].max(axis=-1) > size
+        for k in np.flatnonzero(falls & is_part):
+            found[function.states[k]][name] = divides
+    return found
+
+
+def _term(
+    none: FloatArray, one: FloatArray, two: FloatArray, far: FloatArray
+) -> tuple[bool, FloatArray, FloatArray]:
+    """Return whether a parameter divides its term, slopes, and that term in them: zero if none is.
+
+    Slopes are those without the parameter, with it, and with twice and infinitely much of it.
+    """
+    known = np.isfinite([one, two]).all(axis=(0, 1, 2))
+    none, one, two, far = (np.where(known, slopes, 0.0) for slopes in (none, one, two, far))
+    for divides, rest, same in ((False, none, two - one), (True, far, 2 * (one - two))):
+        if np.all(np.abs(one - rest - same) <= _size(one)[..., None]):
+            return divides, one, one - rest
+    return False, one, np.zeros_like(one)
+
+
+def _size(slopes: FloatArray) -> FloatArray:
+    """Return how much of the slopes of each state is rounding, (n_states, 1)."""
+    return _ROUNDING * np.abs(slopes).max(axis=(1, 2), initial=0.0)[:, None]
+
+
+def _slopes(
+    function: OdeFunction, columns: StateColumns, solved: FloatArray, name: str, factor: float
+) -> FloatArray:
+    """Return slopes with a factor on a parameter, NaN where the right-hand side fails.
+
+    Parameters
+    ----------
+    solved : ndarray of shape (n_states, n_solutions, n_times)
+
+    Returns
+    -------
+    ndarray of shape (n_states, 1 + n_states, n)
+        At these states, and with each of them smaller.
+    """
+    n, m, n_times = solved.shape
+    each = {key: values.reshape(m, n_times) for key, values in columns.items()}
+    smaller = _SMALLER * np.eye(n, n + 1, 1)[..., None]
+    out = []
+    for k in range(0, n_times, max(1, n_times // _N_TIMES_OF_TERMS)):
+        given = {one: np.tile(each[one][:, k], n + 1) for one in function.rate_names}
+        given[name] = given[name] * factor
+        state = solved[:, None, :, k]
+        state = (state - smaller * np.abs(state)).reshape(n, -1)
+        try:
+            slopes = np.asarray(function.rhs(float(each[function.time][0, k]), state, **given))
+        except Exception:
+            # it may refuse such a value in any way
+            slopes = np.full(state.shape, np.nan)
+        out.append(slopes.reshape(n, n + 1, m))
+    return np.concatenate(out, axis=-1)
 
 
 def _known(solutions: FloatArray) -> NDArray[np.bool_]:

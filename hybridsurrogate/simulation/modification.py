@@ -48,6 +48,11 @@ class Modification(ABC):
         """The state with which a further, unseen one exchanges; None: there is none."""
         return None
 
+    @property
+    def takes_over(self) -> tuple[str, float] | None:
+        """The parameter whose term acts on the unseen state, and its value without that term."""
+        return None
+
     @abstractmethod
     def check(self, rates: Sequence[str], states: Sequence[str]) -> None:
         """Raise ValueError where an ODE with these rates and states has nothing to change."""
@@ -82,9 +87,12 @@ class Modification(ABC):
         raise NotImplementedError(f"{type(self).__name__} has no unseen state.")
 
     def exchange(
-        self, state: FloatArray, unseen: FloatArray, numbers: Numbers
+        self, state: FloatArray, unseen: FloatArray, numbers: Numbers, term: FloatArray | float
     ) -> tuple[FloatArray, FloatArray]:
-        """Return what is added to the slope of the state, and the slope of the unseen one, (m,)."""
+        """Return what is added to the slope of the state, and the slope of the unseen one, (m,).
+
+        ``term`` is what acts on the unseen one, in amounts of the state.
+        """
         raise NotImplementedError(f"{type(self).__name__} has no unseen state.")
 
 

@@ -182,6 +182,16 @@ class Simulator:
         return {}
 
     @property
+    def resolved(self) -> float:
+        """The shortest time that a solver inside resolves: a function has none."""
+        return 0.0
+
+    @property
+    def terms(self) -> dict[str, dict[str, bool]]:
+        """Terms of slopes inside, which a function does not show: none."""
+        return {}
+
+    @property
     def remembers(self) -> bool:
         """Whether there is a right-hand side that can use earlier states: no."""
         return False

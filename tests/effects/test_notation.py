@@ -136,6 +136,19 @@ def test_both_equations_of_a_store():
     )
 
 
+def test_both_equations_of_a_store_on_which_a_term_acts():
+    values = {"ratio": 3.0, "scale": 0.5, "gap": 1.25}
+    cause = hs.DynamicStore("S", through="loss")
+    said = (
+        "1.5 (store of S - S) - term of loss in the slope of S and "
+        "(1.5 (S - store of S) + term of loss at the store) / 3 in that of the store"
+    )
+    assert said in cause.formula(values)
+    latex = cause.latex(values)
+    assert parses(latex)
+    assert r"- \text{term of loss}, \quad" in latex
+
+
 def test_signs_and_exponents():
     assert number(123456.0) == r"1.235 \times 10^{5}"
     assert number(-0.5) == "-0.5"

@@ -122,6 +122,7 @@ def sentence_of(view: View, finding: CauseFinding, cause: Cause) -> str:
         "output": view.output,
         "target": (finding.target or "").replace(" * ", " and "),
         "column": getattr(cause, "column", None) or finding.target or view.inputs[0],
+        "through": getattr(cause, "through", None),
     }
     if isinstance(cause, AtLevel) and cause.level is not None:
         places["level"] = cause.name_of(cause.level)

@@ -12,7 +12,15 @@ from hybridsurrogate.diagnosis.source.parts import (
     arguments_of,
     call_values_of,
 )
-from hybridsurrogate.diagnosis.source.text import call, definition, keywords, text_of, tuple_of
+from hybridsurrogate.diagnosis.source.text import (
+    call,
+    definition,
+    inline,
+    keywords,
+    literal,
+    text_of,
+    tuple_of,
+)
 from hybridsurrogate.ode.steps import MIN_STEPS
 
 # methods of the module by those of the simulator; others are scipy's own
@@ -80,7 +88,8 @@ def dynamics(model: ExtendedModel, parts: SourceParts) -> list[str]:
     lags = {ode.states.index(part.code.of): part.ids["lag"] for part in late}
     given["lags"] = ", ".join(f"{k}: float({lag}[0])" for k, lag in lags.items())
     solution = (_LATE_SOLUTION if late else _SOLUTION).format_map(given)
-    return [_right_hand_side(parts, time, varying, seen), solution, _SOLUTIONS.format_map(given)]
+    own = [_right_hand_side(parts, time, varying, seen), solution, _SOLUTIONS.format_map(given)]
+    return [_MOVED_TERM, *own] if any(one.code.through for one in stores) else own
 
 
 def _right_hand_side(
@@ -101,6 +110,8 @@ def _right_hand_side(
     called = [time, (seen[0] if seen else "state") + kept, *keywords(ode.rate_names, parts.ids)]
     lines.append(call("rhs", called, "slopes = "))
     lines.append(f"    slopes = np.array(slopes, dtype=float).reshape(state{kept}.shape)")
+    terms, moved = _moved_terms(parts, time, called[1])
+    lines += moved
     for part in inside:
         if part.code.does != "adds to slope":
             continue
@@ -120,8 +131,43 @@ def _right_hand_side(
         n_states += 1
         lines.append(call(part.function, own, "added = "))
         lines.append(f"    slopes[{at}] += added")
-        lines.append(f"    slopes = np.vstack([slopes, -added / {part.ids['ratio']}])")
+        own_term = f"{terms[part.code.through[0]]}[{at}] " if part.code.through else ""
+        whole = f"({own_term}- added)" if own_term else "-added"
+        lines.append(f"    slopes = np.vstack([slopes, {whole} / {part.ids['ratio']}])")
     return "\n".join([*lines, "    return slopes"])
+
+
+def _moved_terms(parts: SourceParts, time: str, state: str) -> tuple[dict[str, str], list[str]]:
+    """Return the terms that act on unseen states by parameter, and lines that move them there."""
+    assert parts.ode is not None
+    ode, lines, terms = parts.ode.function, [], dict[str, str]()
+    stores = [part.code for part in parts.dynamic() if part.code.unseen]
+    moved = dict.fromkeys(one.through for one in stores if one.through is not None)
+    for name, without in moved:
+        term = terms[name] = parts.names.new(f"term_of_{name}")
+        rows = {
+            ode.states.index(one.of): len(ode.states) + k
+            for k, one in enumerate(stores)
+            if one.through is not None and one.through[0] == name
+        }
+        given = ["rhs", time, literal(name), text_of(without), *keywords(ode.rate_names, parts.ids)]
+        lines += [
+            f"    # of the store, no longer of the state: the term of {inline(name)}",
+            f"    there = {state}.copy()",
+            *(f"    there[{row}] = state[{unseen}]" for row, unseen in rows.items()),
+            call("moved_term", [state, *given], "gone = "),
+            call("moved_term", ["there", *given], f"{term} = "),
+            f"    slopes += {term} - gone",
+            *(f"    slopes[{row}] -= {term}[{row}]" for row in rows),
+        ]
+    return terms, lines
+
+
+_MOVED_TERM = '''def moved_term(state, rhs, moment, name, without, /, **given):
+    """Return what slopes lose with a parameter as it is without its term."""
+    slopes = rhs(moment, state, **given)
+    rest = rhs(moment, state, **{**given, name: without})
+    return np.subtract(slopes, rest).reshape(state.shape)'''
 
 
 _FIRST = """

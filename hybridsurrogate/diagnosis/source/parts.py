@@ -375,7 +375,7 @@ def as_cause(change: Modification) -> Cause:
     if isinstance(change, DelayedState):
         return DynamicDelay(change.state)
     if isinstance(change, CoupledStore):
-        return DynamicStore(change.state)
+        return DynamicStore(change.state, through=change.through, divides=change.divides)
     raise ValueError(
         f"The simulation has a change of its dynamics that is not written as Python: {change!r}."
     )

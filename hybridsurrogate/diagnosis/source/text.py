@@ -24,7 +24,8 @@ RESERVED = re.findall(
     "simulation simulated output outputs rhs initial_state observe state states slopes seen "
     "extended rows by_level by_name each_row in_curves curve_of_level right_hand_side solutions "
     "solution START STEP OUTPUTS STATES SIZES SOLVER FIRST I l O sigma numbers columns times first "
-    "derivative solved ends latest ago which moment piece late longest lags logistic",
+    "derivative solved ends latest ago which moment piece late longest lags logistic added there "
+    "gone moved_term",
 )
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Self
 
 from scipy import stats
@@ -95,18 +95,7 @@ class Dynamic(Declared):
 
 
 @dataclass(eq=False, repr=False)
-class _OfState(Dynamic):
-    """A change of the slope of a state by numbers of which all priors have defaults."""
-
-    about = "state"
-    variant = "inside the dynamics"
-
-    state: str
-    prefix: str | None = None
-    priors: Mapping[str, Prior] | None = None
-
-
-class DynamicDelay(_OfState):
+class DynamicDelay(Dynamic):
     """A right-hand side that follows a state as it was a lag ago: a delay differential equation.
 
     Where `Delay` shifts the output as a whole, here a rate answers late, so that growth overshoots
@@ -140,6 +129,12 @@ class DynamicDelay(_OfState):
     """
 
     kind = "delay"
+    about = "state"
+    variant = "inside the dynamics"
+
+    state: str
+    prefix: str | None = None
+    priors: Mapping[str, Prior] | None = None
 
     @property
     def name(self) -> str:
@@ -181,11 +176,8 @@ register(
 )
 
 
-# of the steps of "rk4", at least 400 in the range of time, an exchange takes half of one or more
-_MAX_RATES = 800
-
-
-class DynamicStore(_OfState):
+@dataclass(eq=False, repr=False)
+class DynamicStore(Dynamic):
     """A state that the equations lack, which exchanges with one of theirs.
 
     ``dx/dt = ... - k (x - z)`` and ``dz/dt = k / ratio (x - z)``, z being the unseen state: the
@@ -195,6 +187,11 @@ class DynamicStore(_OfState):
     start z is x plus a gap. It needs an `OdeSimulator`; for other simulations `SecondStore` and
     `Decay` are the second exponential of a store that empties.
 
+    With ``through`` the store is in series: a term g of the slope acts on the store instead of the
+    state, ``dx/dt = ... - g(x) - k (x - z)`` and ``dz/dt = (k (x - z) + g(z)) / ratio``. A box
+    loses its heat through the wall (Bacher and Madsen 2011, Energy and Buildings 43, 1511 to 1522,
+    the models with an envelope), a drug is broken down in the tissue.
+
     Parameters
     ----------
     state : str
@@ -202,6 +199,16 @@ class DynamicStore(_OfState):
         As in `DynamicDrift`.
     priors : dict of name to prior, optional
         Of the numbers below, where the defaults do not fit.
+    through : str or None, default=None
+        The parameter, or assumed constant, that multiplies or divides the term: one of several in
+        the slope, which falls as the state grows. None: no term is moved.
+    divides : bool or None, default=None
+        Whether that parameter divides the term; None: `prepare` finds out.
+
+    Raises
+    ------
+    ValueError
+        By `prepare`, where there is no such state or term.
 
     Notes
     -----
@@ -209,8 +216,8 @@ class DynamicStore(_OfState):
 
     - ratio: log-normal, 95 % of it between a twentieth and twenty: a much smaller store does
       nothing, a much larger one is a constant, which `DynamicTerm` has;
-    - scale: log-uniform, from a quarter of the distance of neighbouring rows, or 1/800 of their
-      span, to that span: what a driven state does at once is seen of a faster exchange, and of
+    - scale: log-uniform, from a quarter of the distance of neighbouring rows, or half a step of
+      "rk4", to their span: what a driven state does at once is seen of a faster exchange, and of
       a slower one no more than a constant;
     - gap: Student-t with 3 degrees of freedom around zero, its scale the typical size of the state,
       so that a store at rest and an empty one are both ordinary.
@@ -235,30 +242,81 @@ class DynamicStore(_OfState):
     >>> model = model.fit(t[:, None], y + 0.01 * np.cos(40 * t))
     >>> float(model.posterior_.estimates(0)["ratio"].mean().round(1))
     1.5
+
+    A box that is heated, and loses heat through its wall:
+
+    >>> box = hs.OdeSimulator(
+    ...     lambda t, state, loss: np.sin(t) ** 2 - loss * state, initial_state=[8.0],
+    ...     observe=lambda state: state[0], inputs={"t": (0, 10)}, states="air",
+    ...     parameters={"loss": hs.truncated_normal(0.5, 0.1, 0, 1)})
+    >>> box.terms
+    {'air': {'loss': False}}
+    >>> hs.DynamicStore("air", through="loss").name
+    'second-store(air, in series with loss)'
     """
 
     kind = "second-store"
+    about = "state"
+
+    state: str
+    prefix: str | None = None
+    priors: Mapping[str, Prior] | None = None
+    through: str | None = None
+    divides: bool | None = None
+
+    @property
+    def variant(self) -> str:
+        """Whether a term acts on the store, and which."""
+        return f"in series with {self.through}" if self.through else "inside the dynamics"
+
+    @property
+    def name(self) -> str:
+        """The kind and the state, and what acts on the store."""
+        return f"{self.kind}({self.state}{f', {self.variant}' if self.through else ''})"
 
     @property
     def modification(self) -> CoupledStore:
         """The change of the right-hand side."""
-        return CoupledStore(self.state, self.prefix)
+        return CoupledStore(self.state, self.prefix, self.through, bool(self.divides))
 
     def prepare(self, context: Context) -> Cause:
         """Fill in the priors from the measured times and the size of the state."""
         size, axis = self.size_of(context, self.state), context.axis(context.inputs[0])
-        shortest = max(axis.spacing / 4, axis.span / _MAX_RATES)
+        terms, divides = context.terms.get(self.state, {}), self.divides
+        if self.through is not None and divides is None:
+            if self.through not in terms:
+                raise ValueError(
+                    f"{self.through!r} multiplies or divides no single term of the slope of "
+                    f"{self.state!r} that falls as it grows; there {'are' if terms else 'is'} "
+                    f"{list(terms) or 'none'}.{did_you_mean(self.through, terms)}"
+                )
+            divides = terms[self.through]
+        # rows may lie within few steps of the solver
+        shortest = max(axis.spacing / 4, min(context.resolved, axis.span / 4))
         defaults = {
             # 95 % of the stores are between a twentieth and twenty times the state's
             "ratio": frozen(stats.lognorm, 1.5),
             "scale": frozen(stats.loguniform, shortest, axis.span),
             "gap": frozen(stats.t, 3, scale=size),
         }
-        return self.completed(context, defaults)
+        return self.completed(context, defaults, divides=divides)
 
     def start(self) -> dict[str, float]:
         """Return a store that is at rest; at a ratio of zero the prior ends: it is enumerated."""
         return {"gap": 0.0}
+
+    def shown(self) -> Code:
+        """Return both equations, with the term where it acts."""
+        code = self.code()
+        if self.through is None:
+            return code
+        term = f"term of {self.through}"
+        return replace(
+            code,
+            expression=f"{code.expression} - {{term}}",
+            unseen="({rate} * ({state} - {store}) + {moved}) / {ratio}",
+            states={**code.states, "term": term, "moved": f"{term} at the store"},
+        )
 
     def code(self) -> Code:
         """Return the cause as Python."""
@@ -270,6 +328,7 @@ class DynamicStore(_OfState):
             of=self.state,
             states={"state": self.state, "store": f"store of {self.state}"},
             unseen="{rate} / {ratio} * ({state} - {store})",
+            through=self.modification.takes_over,
         )
 
 
@@ -286,5 +345,23 @@ register(
             "{target} exchanges with a store that its equation leaves out, {ratio:size} "
             "times its size, over {scale}"
         ),
-    )
+    ),
+    Form(
+        "second-store: in series",
+        DynamicStore,
+        lambda context: (
+            DynamicStore(state, through=name)
+            for state in context.states
+            for name in context.terms.get(state, ())
+        ),
+        meaning=(
+            "{target} exchanges with a store that its equation leaves out, and one of its terms "
+            "acts on that store, as a room loses its heat through the walls or a drug is broken "
+            "down in tissue"
+        ),
+        headline=(
+            "The term of {through} acts on a store that exchanges with {target} over {scale}, "
+            "{ratio:size} times its size, and not on {target} itself"
+        ),
+    ),
 )

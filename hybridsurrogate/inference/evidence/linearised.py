@@ -221,11 +221,14 @@ def _slopes(
     """Return the output and its slopes, at all nodes where these touch the simulation.
 
     Some nodes at a time, as the slopes need runs. Where the sizes are zero all nodes share the
-    simulation, and differ in the slopes along the sizes alone.
+    simulation, and differ in the slopes along the sizes alone: unless one of them is a node, as
+    that of a store.
     """
     directions = np.append(grid.fixed, grid.sizes)
     touches = len(grid.nodes) and model.effects[-1].touches_simulation
-    if touches and len(grid.sizes) and grid.is_neutral(z):
+    change = model.effects[-1].modification if touches else None
+    enumerated = change is not None and set(change.sizes) & model.effects[-1].grid().keys()
+    if touches and len(grid.sizes) and grid.is_neutral(z) and not enumerated:
         first = grid.at(np.zeros(1, dtype=int))
         shared = _slopes_along(model, X, emulator, first, z, directions)
         along = _slopes_along(model, X, emulator, grid, z, grid.sizes).slopes

@@ -179,6 +179,11 @@ FOUND = {
         hs.DynamicStore("prey"),
         {"ratio": 2.0, "scale": 3.0},
     ),
+    "The term of loss acts on a store that exchanges with prey over 3.0 h, 2.0 times its size, "
+    "and not on prey itself.": (
+        hs.DynamicStore("prey", through="loss"),
+        {"ratio": 2.0, "scale": 3.0},
+    ),
     "mass jumps again and again over t, and each jump decays over 3.0 h.": (
         hs.RecurringJumps("t", places=(2.0, 7.0)),
         {"scale": 3.0},

@@ -798,6 +798,39 @@ def test_unseen_stores_come_after_the_states():
     np.testing.assert_allclose(found, expected, rtol=1e-4)
 
 
+def room(t, state, resistance, heat, uptake):
+    air, paper = state
+    taken = uptake * (air - paper)
+    return [heat * np.sin(t) ** 2 + (10 - air) / resistance - taken, 0.2 * taken]
+
+
+def test_the_term_of_a_parameter_acts_on_the_store():
+    simulator = hs.OdeSimulator(
+        room,
+        {"air": 20.0, "paper": 18.0},
+        second,
+        inputs={"t": (0, 8)},
+        parameters={
+            "resistance": stats.lognorm(0.1, scale=3),
+            "heat": stats.norm(4, 0.1),
+            "uptake": stats.lognorm(0.1, scale=0.3),
+        },
+        states=("air", "paper"),
+    )
+    frame = pd.DataFrame({"t": np.linspace(0, 8, 12)})
+    context = context_of(frame, simulator)
+    causes = [
+        hs.DynamicStore("air", through="resistance"),
+        hs.DynamicTerm("paper"),
+        hs.DynamicStore("air", through="uptake"),
+        hs.DynamicStore("paper"),
+    ]
+    source, expected = written([one.prepare(context) for one in causes], frame, simulator)
+    assert re.search(r'"resistance",\s+np\.inf', source)
+    found = run(source, room, second, frame=frame)
+    np.testing.assert_allclose(found, expected, rtol=1e-4)
+
+
 @pytest.mark.parametrize("method", ["rosenbrock", pytest.param("LSODA", marks=pytest.mark.slow)])
 def test_other_solvers(method):
     simulator = hs.OdeSimulator(

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from decay import make_decay
 from problems import make_problem
 from scipy import stats
 
@@ -15,6 +16,7 @@ from hybridsurrogate.inference.evidence.linearised import (
     RecentSlopes,
     columns_at_nodes,
     linearise,
+    values_at_nodes,
 )
 from hybridsurrogate.inference.evidence.marginal_likelihood import _whitener, scan
 from hybridsurrogate.model.statistics import emulator_posterior
@@ -48,6 +50,27 @@ def test_slopes_are_the_derivative(kriged):
     if not kriged:
         slope = -t * np.exp(-rate[1] * t) * 0.5 * stats.norm.pdf(z[0])
         np.testing.assert_allclose(around.G[0, :, 0], slope, atol=1e-4 * np.abs(slope).max())
+
+
+def test_a_store_acts_where_its_gap_is_zero():
+    """Unlike a rate of zero: its size is enumerated, so that nodes do not share the simulation."""
+    t = np.linspace(1, 5, 12)
+    problem = make_problem(
+        make_decay(),
+        hs.ExactSurrogate(),
+        hs.Normal(),
+        None,
+        (hs.DynamicStore("n"),),
+        ("t",),
+        t[:, None],
+        np.exp(-t),
+    )
+    model, emulator = problem.model, emulator_posterior(problem.model.basis, None)
+    grid = make_grid(model)
+    values = values_at_nodes(model, grid, grid.neutral)
+    expected, _ = model.output(t[:, None], values, emulator.mean, 1)
+    found = linearise(model, t[:, None], emulator, grid, grid.neutral).mean
+    np.testing.assert_allclose(found, expected.reshape(found.shape), rtol=1e-9)
 
 
 class Table(hs.Cause):
