@@ -79,6 +79,14 @@ def test_a_gain_prints_as_a_table():
     assert gain.rmse_error == pytest.approx(np.std(roots), rel=0.1)
 
 
+def test_predictions_whose_squares_overflow_have_an_infinite_error_and_no_warning_of_numpy():
+    one = np.ones(3)
+    near, far = (Scores(-one, k * one, one, one, one) for k in (1.0, 1e200))
+    gain = gain_from(near, far)
+    assert gain.rmse_before == 1
+    assert gain.rmse_after == np.inf
+
+
 def test_a_row_of_weight_two_scores_like_two_rows():
     log_density, error = np.array([-1.0, -2.0, -4.0]), np.array([0.1, -0.2, 1.0])
     inside, twice = np.array([1.0, 1.0, 0.0]), np.array([0, 1, 2, 2])

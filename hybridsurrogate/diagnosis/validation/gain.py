@@ -221,6 +221,8 @@ def gain_on(before: Any, after: Any, X: ArrayLike, y: FloatArray, y_err: Any = N
     return gain_from(pointwise(before, X, y, None, y_err), pointwise(after, X, y, None, y_err))
 
 
+# squares of predictions far away overflow: their RMSE is infinite
+@np.errstate(over="ignore", invalid="ignore")
 def gain_from(before: Scores, after: Scores, folds: tuple[FoldGain, ...] = ()) -> HeldOutGain:
     """Summarise two sets of pointwise scores of the same rows, each row with its weight."""
     weight = before.weight
@@ -233,8 +235,7 @@ def gain_from(before: Scores, after: Scores, folds: tuple[FoldGain, ...] = ()) -
         found[f"coverage_{word}"] = mean_and_error(scores.inside, weight)[0]
         found[f"half_{word}"] = mean_and_error(scores.inside_half, weight)[0]
         # d RMSE = d(mean of squares) / (2 RMSE): the delta method
-        with np.errstate(invalid="ignore"):  # predictions that overflow have an infinite RMSE
-            per_row.append(scores.error**2 / (2 * max(rmse, np.finfo(float).tiny)))
+        per_row.append(scores.error**2 / (2 * max(rmse, np.finfo(float).tiny)))
     change, error = mean_and_error(after.log_density - before.log_density, weight)
     return HeldOutGain(
         **found,
