@@ -254,6 +254,7 @@ def _regressed(
 
 def _order(y: FloatArray, weight: FloatArray) -> NDArray[np.intp]:
     """Return the order of axes: next is the one that the rest follow best with those before it."""
+    # a thousand points show the order: looked for in all, it takes a third of the time of a fit
     share = np.cumsum(weight) / np.sum(weight)
     some = (np.arange(SETTINGS.min_proposals) + 0.5) / SETTINGS.min_proposals
     y = y[np.minimum(np.searchsorted(share, some), len(y) - 1)]

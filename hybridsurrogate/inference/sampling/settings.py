@@ -50,10 +50,11 @@ class SamplingSettings:
         and one needs an ensemble), given the surrogate's coefficients, and in the smoothing of a
         rough density by its own posterior.
     bending_axes : int
-        Axes whose products the course of another may follow: with twelve, means and standard
-        deviations of 128 densities are as good. And slices of a proposal along its longest axis, of
-        so many proposals at most: without, means of 16 fresh densities on bends are off by 0.030
-        instead of 0.022 standard deviations.
+        Axes that all others follow, and their products: with twelve, means and standard deviations
+        of 128 densities are as good; where others follow all before them, too, so are those of 112,
+        and 37 unknowns take eight times the seconds. And slices of a proposal along its longest
+        axis, of so many proposals at most: without, means of 16 fresh densities on bends are off by
+        0.030 instead of 0.022 standard deviations.
     converged_noise : float
         Change of the noise, as a share, at which fits that are repeated with their estimated noise
         have converged: with half a drift in data that are precise to a thousandth is not followed.
