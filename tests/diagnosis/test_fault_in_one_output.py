@@ -4,10 +4,12 @@ import numpy as np
 import pandas as pd
 import pytest
 from few_kinds import all_but
+from scipy.special import polygamma
 from scipy.stats import norm
 from sklearn.base import clone
 
 import hybridsurrogate as hs
+from hybridsurrogate.diagnosis.search.null_test import replicates
 from hybridsurrogate.exceptions import DiagnosisWarning
 
 N = 40
@@ -283,3 +285,27 @@ def test_warnings_are_those_of_one_output():
     twice = np.vstack([X, X]), np.vstack([Y, Y])
     with pytest.warns(DiagnosisWarning, match="copies"):
         fitted(*twice)
+
+
+def test_replicates_know_the_ratio_of_two_noises_from_their_rows_only():
+    t = np.linspace(0, 1, 12)
+    y = np.random.default_rng(0).normal(size=(12, 2)) * [0.3, 5.0]
+    simulator = hs.Simulator(
+        lambda t, level: np.stack([level + 0 * t, 10 * level + 0 * t], axis=-1),
+        {"t": (0, 1)},
+        {"level": norm(0, 1e-6)},
+        output=("small", "large"),
+    )
+    model = hs.PowerScaledSurrogate(
+        simulator, surrogate=hs.ExactSurrogate(), n_draws=50, random_state=0
+    )
+    found = hs.DiscrepancyDiagnosis(
+        model, exclude=all_but("offset"), cv=None, n_replicates=20, random_state=0
+    ).fit(t[:, None], y)
+    drawn = replicates(found.search_, 4000, np.random.RandomState(0)).reshape(4000, 12, 2)
+    small, large = np.mean(drawn**2, axis=1).T
+    ratio = np.log(small / large)
+    # chi-squared scatter of twelve rows over that of a variance which twelve rows tell, of two
+    # outputs (one degree is the level's)
+    exact = 4 * polygamma(1, 6)
+    assert np.var(ratio) == pytest.approx(exact, rel=0.15)

@@ -205,9 +205,13 @@ def replicates(result: Search, n: int, random_state: np.random.RandomState) -> F
     ((unit, unequal),) = parts.at(np.zeros(1, dtype=int)).by_noise()
     G, U = unit.G[0], unit.U
     rows, d = G.shape
-    degrees = max(rows - d, 1)
-    sigma = np.sqrt(null.mode.squares / random_state.chisquare(degrees, size=n))
-    sigma = problem.possible_sigma(sigma)
+    # each output has a noise of its own, whose ratio is known from its rows only
+    of = np.zeros(rows, dtype=int)
+    if problem.stacking is not None:
+        of = np.unique(problem.X[:, problem.stacking.at], return_inverse=True)[1]
+    degrees = np.maximum((rows - d) * np.bincount(of) / rows, 1)
+    scaled = degrees / random_state.chisquare(degrees, size=(n, len(degrees)))
+    sigma = problem.possible_sigma(np.sqrt(null.mode.squares / max(rows - d, 1) * scaled))
     precision = np.eye(d) + G.T @ G / null.sigma**2
     residual = problem.y / unequal - unit.mean[0]
     mean = np.linalg.solve(precision, G.T @ residual) / null.sigma**2
@@ -217,5 +221,5 @@ def replicates(result: Search, n: int, random_state: np.random.RandomState) -> F
     if problem.working_point is not None:
         eta = unequal * (unit.mean[0] + g @ G.T + emulator)
         return problem.working_point.replicates(eta, random_state)
-    noise = sigma[:, None] * random_state.standard_normal((n, rows))
+    noise = sigma[:, of] * random_state.standard_normal((n, rows))
     return unequal * (unit.mean[0] + g @ G.T + emulator + noise)
