@@ -173,6 +173,7 @@ def test_errors_serve_a_heavy_tailed_search():
 
 
 @pytest.mark.slow
+# in some of eighty sets a short wave or trend imitates the slope, which is said
 @pytest.mark.filterwarnings("ignore::hybridsurrogate.ConfoundingWarning")
 def test_the_right_cause_is_first_as_often_as_with_equal_errors():
     right = {}

@@ -305,7 +305,6 @@ def test_replicates_know_the_ratio_of_two_noises_from_their_rows_only():
     drawn = replicates(found.search_, 4000, np.random.RandomState(0)).reshape(4000, 12, 2)
     small, large = np.mean(drawn**2, axis=1).T
     ratio = np.log(small / large)
-    # chi-squared scatter of twelve rows over that of a variance which twelve rows tell, of two
-    # outputs (one degree is the level's)
-    exact = 4 * polygamma(1, 6)
-    assert np.var(ratio) == pytest.approx(exact, rel=0.15)
+    # of each output: scatter of twelve rows, of a variance that half of 24 rows less the level tell
+    exact = 2 * (polygamma(1, 12 / 2) + polygamma(1, 11.5 / 2))
+    assert np.var(ratio) == pytest.approx(exact, rel=0.1)

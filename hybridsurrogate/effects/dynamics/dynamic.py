@@ -285,10 +285,11 @@ class DynamicStore(Dynamic):
         terms, divides = context.terms.get(self.state, {}), self.divides
         if self.through is not None and divides is None:
             if self.through not in terms:
+                cure = f"give one of {list(terms)}" if terms else "leave through out"
                 raise ValueError(
                     f"{self.through!r} multiplies or divides no single term of the slope of "
-                    f"{self.state!r} that falls as it grows; there {'are' if terms else 'is'} "
-                    f"{list(terms) or 'none'}.{did_you_mean(self.through, terms)}"
+                    f"{self.state!r} that falls as it grows: {cure}, or write the unseen state "
+                    f"into the equations.{did_you_mean(self.through, terms)}"
                 )
             divides = terms[self.through]
         # rows may lie within few steps of the solver
