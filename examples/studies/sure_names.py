@@ -27,13 +27,14 @@ from sklearn.model_selection import KFold
 
 import hybridsurrogate as hs
 from hybridsurrogate.diagnosis.checks.residuals import DOCUMENTED, NOT_HELD
+from hybridsurrogate.diagnosis.search.forward_selection import tested
 
 STUDIED = Path(hs.__file__).with_name("studied.json")
 # so many of the measured sets with a documented cause keep structure beside it: mauna-loa, measles,
 # italy, whiffle-ball, carriage (docs/evidence/measured_data.md)
 FURTHER = json.loads(STUDIED.read_text(encoding="utf-8"))["probability_right"]["further"]
 SIZES, ROWS, SMALLER = (2.0, 4.0), (40, 100), 0.4
-FEATURES = ("odds", "structure")
+FEATURES = ("odds", "structure", "several")
 
 
 def cases(first: int, seeds: int) -> Iterator[dict[str, Any]]:
@@ -75,6 +76,7 @@ def diagnosed(task: dict[str, Any]) -> dict[str, Any]:
     return {
         "verdict": diagnosis.verdict_,
         "share": found.kind_shares.get(chosen.kind, float("nan")),
+        "several": len(tested(diagnosis.result_.steps)) > 1,
         "right": diagnosis.best_cause_.kind in true,
         "told": diagnosis.probability_right_,
     }
@@ -117,6 +119,7 @@ def described(table: pd.DataFrame) -> pd.DataFrame:
         {
             "odds": np.log(share / (1 - share)),
             "structure": (table["verdict"] == "nearest").astype(float),
+            "several": table["several"].astype(float),
         }
     )
 

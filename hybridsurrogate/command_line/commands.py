@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Iterable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from importlib import import_module
 
 from hybridsurrogate.command_line.options import (
@@ -86,7 +86,6 @@ def _demonstrations() -> Iterable[str]:
 
 _DEMO = Option("name", "text", "which one", "nile", "NAME", _demonstrations, True, in_file=False)
 _LIST = Option("list", "yes", "list the demonstrations", False, in_file=False)
-_OWN_CAUSES = "look for up to N causes (2 for co2, else 1)"
 
 COMMANDS = (
     Subcommand(
@@ -96,10 +95,7 @@ COMMANDS = (
         (
             _DEMO,
             _LIST,
-            *(
-                replace(one, default=None, meaning=_OWN_CAUSES) if one.name == "max_causes" else one
-                for one in SEARCH
-            ),
+            *SEARCH,
             *_DIAGNOSED,
         ),
         "diagnoses.demo",

@@ -35,8 +35,6 @@ def demo(given: argparse.Namespace) -> int:
     check_units(given.units, study.columns)
     say(f"{shown.introduction}\n")
     model = PowerScaledSurrogate(study.simulation, study.surrogate, random_state=given.seed)
-    if given.max_causes is None:
-        given.max_causes = shown.max_causes
     return _diagnosed(model, study, given, shown.test)
 
 

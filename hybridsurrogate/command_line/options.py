@@ -310,9 +310,10 @@ NEW = Option(
     "later measurements, in order: does the extended model still predict them?",
     metavar="FILE",
 )
+_MAX_CAUSES = "look for up to N causes (default: a further one where one leaves structure)"
 SEARCH = (
     Option("exclude", "names", "kinds that cannot be the cause, such as delay noise", (), "KIND"),
-    Option("max_causes", "whole", "look for up to N causes", 1, "N"),
+    Option("max_causes", "whole", _MAX_CAUSES, None, "N"),
     Option("no_folds", "yes", "do not measure the gain on held-out rows", False),
 )
 FOLDS = Option("folds", "whole", "how many", 5, "N")

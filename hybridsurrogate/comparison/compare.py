@@ -165,7 +165,7 @@ def compare_simulations(
     y_err: Any = None,
     diagnose: bool = True,
     cv: int = 5,
-    max_causes: int = 1,
+    max_causes: int | None = None,
     n_jobs: int | None = None,
     random_state: int | np.random.RandomState | None = None,
 ) -> SimulationComparison:
@@ -188,7 +188,7 @@ def compare_simulations(
         comparison takes seconds.
     cv : int, default=5
         Folds of the held-out densities, the same for all.
-    max_causes : int, default=1
+    max_causes : int or None, default=None
         Of each diagnosis.
     n_jobs : int or None, default=None
         Processes that share the folds.

@@ -11,13 +11,12 @@ from hybridsurrogate.datasets import load_mauna_loa_co2, load_nile, make_log_sin
 
 
 class Demonstration(NamedTuple):
-    """What it is, its simulation and its data, causes at most, rows held out."""
+    """What it is, its simulation and its data, rows held out."""
 
     introduction: str
     simulator: Any
     X: Any
     y: Any
-    max_causes: int
     test: tuple[Any, Any] | None = None
 
 
@@ -29,7 +28,6 @@ def nile() -> Demonstration:
         data.simulator,
         data.data,
         np.asarray(data.target),
-        1,
     )
 
 
@@ -43,7 +41,6 @@ def co2() -> Demonstration:
         data.simulator,
         data.data[early],
         np.asarray(data.target)[early],
-        2,
         (data.data[~early], np.asarray(data.target)[~early]),
     )
 
@@ -57,7 +54,6 @@ def log_sin() -> Demonstration:
         case.simulator,
         case.X,
         case.y,
-        1,
         (case.X_out, case.y_out),
     )
 

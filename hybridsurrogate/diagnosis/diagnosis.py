@@ -87,9 +87,10 @@ class DiscrepancyDiagnosis(RegressorMixin, BaseEstimator):
         Replicated data sets for the p-value.
     cv : int or None, default=5
         Folds for ``gain_``; None: no cross-validation, and neither gain is measured.
-    max_causes : int, default=1
+    max_causes : int or None, default=None
         How many causes are accepted, one after the other, each with the same control of false
-        alarms.
+        alarms. None: a further one is searched, up to three, where those before leave structure
+        that only a curve of any shape or correlated noise explains.
     n_jobs : int or None, default=None
         Processes that share the folds; the result is the same for any number.
     random_state : int, RandomState or None, default=None
@@ -260,7 +261,7 @@ class DiscrepancyDiagnosis(RegressorMixin, BaseEstimator):
         false_alarm_rate: float = 0.05,
         n_replicates: int = 200,
         cv: int | None = 5,
-        max_causes: int = 1,
+        max_causes: int | None = None,
         n_jobs: int | None = None,
         random_state: Any = None,
         progress: bool = False,

@@ -74,7 +74,9 @@ def with_doubtful_draws(diagnosis):
 OUTCOMES = {
     "named": lambda: diagnosed(step, cv=3),
     "adequate": lambda: diagnosed(lambda t: 0 * t, cv=3, exclude=all_but("step", "noise")),
-    "nearest": lambda: diagnosed(lambda t: step(t) + 0.5 * np.sin(2 * np.pi * t / 4), exclude=()),
+    "nearest": lambda: diagnosed(
+        lambda t: step(t) + 0.5 * np.sin(2 * np.pi * t / 4), exclude=(), max_causes=1
+    ),
     "ambiguous": lambda: diagnosed(lambda t: 0.008 * t**2, exclude=()),
     # a chirp is no kind of the catalogue
     "unexplained": lambda: diagnosed(lambda t: 1.5 * np.sin(0.12 * (t + 2) ** 2), exclude=()),

@@ -53,7 +53,7 @@ class Settings:
     false_alarm_rate: float
     n_replicates: int
     cv: int | None
-    max_causes: int
+    max_causes: int | None
     n_jobs: int | None
     random_state: int | np.random.RandomState | None
     progress: bool
@@ -68,7 +68,7 @@ def checked_settings(
     false_alarm_rate: Any,
     n_replicates: Any,
     cv: Any = None,
-    max_causes: Any = 1,
+    max_causes: Any = None,
     n_jobs: Any = None,
     random_state: Any = None,
     progress: Any = False,
@@ -76,7 +76,8 @@ def checked_settings(
 ) -> Settings:
     """Return the settings of a fit; TypeError or ValueError, with a way out, where they fail."""
     check_diagnosable(estimator)
-    check_scalar(max_causes, "max_causes", Integral, min_val=1)
+    if max_causes is not None:
+        check_scalar(max_causes, "max_causes", Integral, min_val=1)
     if cv is not None:
         check_scalar(cv, "cv", Integral, min_val=2)
     check_n_jobs(n_jobs)
@@ -106,7 +107,7 @@ def checked_settings(
         rate,
         int(n),
         None if cv is None else int(cv),
-        int(max_causes),
+        None if max_causes is None else int(max_causes),
         n_jobs,
         random_state,
         bool(progress),

@@ -44,7 +44,12 @@ from hybridsurrogate.diagnosis.checks.simulation import (
 from hybridsurrogate.diagnosis.fitting.result import Conclusion, DiagnosisResult, Extension
 from hybridsurrogate.diagnosis.fitting.verdict import concluded, contradicted
 from hybridsurrogate.diagnosis.search.context import blurred, on_working_rows
-from hybridsurrogate.diagnosis.search.forward_selection import SearchStep, forward_search, searches
+from hybridsurrogate.diagnosis.search.forward_selection import (
+    SearchStep,
+    forward_search,
+    searches,
+    tested,
+)
 from hybridsurrogate.diagnosis.search.search import Search
 from hybridsurrogate.diagnosis.search.setup import Prepared, prepare, trained_emulator
 from hybridsurrogate.diagnosis.validation.beta_scan import BetaScans
@@ -89,7 +94,8 @@ def with_gain(
     X, y = before.measured_
     kinds = in_one_word([cause.kind for cause in result.extension.found_causes])
     fitted = Pair(before, result.extension.estimator, kinds)
-    refitted = Refit(clone(before), settings, searches(result.steps), fitted)
+    found, most = searches(result.steps), max(len(tested(result.steps)), 1)
+    refitted = Refit(clone(before), settings, found, most, fitted)
     within = random_folds(len(y), cv, deepcopy(result.fold_random))
     beyond = folds_beyond(before.simulation, X)
     rows = result.rows._replace(y=y)

@@ -81,6 +81,9 @@ def _check(view: View) -> Advice:
 
 
 def _search_on(view: View) -> list[Advice]:
+    if [step for step in view.result.steps if step.test is not None][-1].tried:
+        # a further cause was searched already
+        return []
     if needs_smooth_curve(view):
         more = len(view.findings) + 1
         return [Advice("Search for a further cause:", f"max_causes={more}")]

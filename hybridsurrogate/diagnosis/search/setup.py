@@ -67,7 +67,7 @@ def prepare(
     fitted: PowerScaledSurrogate,
     own: Sequence[Cause],
     excluded: Collection[str] = (),
-    max_causes: int = 1,
+    max_causes: int | None = None,
 ) -> Prepared:
     """Return what a search over the catalogue and user-defined causes needs.
 
@@ -79,8 +79,8 @@ def prepare(
         The user's.
     excluded : collection of str
         Kinds of the catalogue that are excluded.
-    max_causes : int, default=1
-        How many may be accepted together.
+    max_causes : int or None, default=None
+        How many may be accepted together; None: as many as leave structure alone.
 
     Raises
     ------
@@ -120,7 +120,7 @@ def prepare(
             usable.append(cause)
         else:
             unusable.append(Skipped(cause.kind, cause.target, reason))
-    causes, skipped = catalogue(context, usable, excluded, alone=max_causes == 1)
+    causes, skipped = catalogue(context, usable, excluded, alone=max_causes in (None, 1))
     return Prepared(problem, causes, [*unusable, *skipped], unusable)
 
 

@@ -117,6 +117,8 @@ class Refit:
     found : sequence of Search
         On all rows, the first one first: its emulator comes from the runs alone, which are the
         same in each fold, and optimisations start where theirs ended.
+    n_causes : int
+        At most, as many as in all rows.
     fitted : Pair
         On all rows: fits of the same causes start from their proposals.
     """
@@ -124,6 +126,7 @@ class Refit:
     estimator: PowerScaledSurrogate
     settings: Settings
     found: Sequence[Search]
+    n_causes: int
     fitted: Pair
 
     def __call__(
@@ -145,7 +148,7 @@ class Refit:
             problem,
             setup.causes,
             self.found[0].context.emulator,
-            settings.max_causes,
+            self.n_causes,
             settings.false_alarm_rate,
             None,
             # without replicates nothing in a search is random
