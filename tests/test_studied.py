@@ -26,6 +26,7 @@ def test_each_number_says_which_commit_computed_it_and_when():
 def test_the_study_writes_what_the_package_reads(tmp_path):
     rng = np.random.default_rng(0)
     X = pd.DataFrame({"odds": rng.normal(size=400), "structure": rng.integers(0, 2, 400)})
+    X["several"] = rng.integers(0, 2, 400)
     right = rng.uniform(size=400) < 1 / (1 + np.exp(0.5 - 2 * X["odds"] + X["structure"]))
     model = sure_names.regression(X, right.to_numpy(), np.ones(400))
     path = tmp_path / "studied.json"
@@ -37,8 +38,8 @@ def test_the_study_writes_what_the_package_reads(tmp_path):
     assert found["remainder"] == STUDIED["remainder"]
     own = found["probability_right"]
     assert own["n_cases"] == 400
-    names = ("one", "odds", "structure")
-    np.testing.assert_allclose([own[k] for k in names], [-0.5, 2, -1], atol=1.0)
+    names = ("one", "odds", "structure", "several")
+    np.testing.assert_allclose([own[k] for k in names], [-0.5, 2, -1, 0], atol=1.0)
     assert {*own} == {*STUDIED["probability_right"]}
 
 

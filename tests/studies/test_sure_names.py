@@ -28,7 +28,7 @@ def test_a_stopped_run_goes_on(tmp_path, monkeypatch):
 
     def diagnosed(task):
         asked.append(task)
-        return {"verdict": "named", "share": 0.9, "right": True, "told": 0.5}
+        return {"verdict": "named", "share": 0.9, "several": False, "right": True, "told": 0.5}
 
     monkeypatch.setattr(sure_names, "diagnosed", diagnosed)
     path = tmp_path / "rows.jsonl"
@@ -47,6 +47,7 @@ def test_features_that_say_something_gain():
         {
             "share": rng.uniform(0.1, 0.99, 400),
             "verdict": rng.choice(["named", "nearest"], 400),
+            "several": False,
         }
     )
     X = sure_names.described(table)

@@ -149,12 +149,14 @@ def _along(left: FloatArray) -> dict[str, FloatArray]:
 # p-value, the rows and the evidence against a smooth curve no more than their standard error
 _FOUND = STUDIED["probability_right"]
 NOT_HELD, DOCUMENTED, N_CASES = (_FOUND[name] for name in ("not_held", "documented", "n_cases"))
-_ONE, _ODDS, _STRUCTURE = (_FOUND[name] for name in ("one", "odds", "structure"))
+_ONE, _ODDS, _STRUCTURE, _SEVERAL = (
+    _FOUND[name] for name in ("one", "odds", "structure", "several")
+)
 # probabilities beyond it are all the same: no case was surer
 _HIGHEST_PROBABILITY = 0.9999
 
 
-def probability_right(share: float, has_residual_structure: bool) -> float:
+def probability_right(share: float, has_residual_structure: bool, several: bool = False) -> float:
     """Return the probability that the most probable cause is right, given that something is wrong.
 
     Parameters
@@ -163,6 +165,8 @@ def probability_right(share: float, has_residual_structure: bool) -> float:
         Probability of its kind within the catalogue, given that something is wrong.
     has_residual_structure : bool
         Whether the verdict is "nearest".
+    several : bool, default=False
+        Whether further causes were accepted: two of the catalogue also imitate one outside it.
 
     Returns
     -------
@@ -176,5 +180,5 @@ def probability_right(share: float, has_residual_structure: bool) -> float:
     True
     """
     odds = float(special.logit(min(max(share, 1 - _HIGHEST_PROBABILITY), _HIGHEST_PROBABILITY)))
-    total = _ONE + _ODDS * odds + _STRUCTURE * has_residual_structure
+    total = _ONE + _ODDS * odds + _STRUCTURE * has_residual_structure + _SEVERAL * several
     return min(share, 1 / (1 + math.exp(-total)))

@@ -21,7 +21,7 @@ from hybridsurrogate.diagnosis.checks.residuals import (
 from hybridsurrogate.diagnosis.checks.simulation import EmulatorCheck
 from hybridsurrogate.diagnosis.fitting.result import Conclusion
 from hybridsurrogate.diagnosis.search.candidate import MIN_PROBABILITY, Candidate
-from hybridsurrogate.diagnosis.search.forward_selection import SearchStep
+from hybridsurrogate.diagnosis.search.forward_selection import SearchStep, tested
 from hybridsurrogate.diagnosis.search.search import Search, draw_the_same, predicted_rows
 from hybridsurrogate.diagnosis.search.simulated import detectable, smallest_detectable
 from hybridsurrogate.diagnosis.validation.refit import accepted, with_rows
@@ -161,7 +161,8 @@ def concluded(
     right = None
     if found.verdict not in ("adequate", "unexplained", "undecided"):
         wrong = 1 - float(first.conditional.probability[0])
-        right = wrong * probability_right(found.share, found.verdict == "nearest")
+        several = len(tested(steps)) > 1
+        right = wrong * probability_right(found.share, found.verdict == "nearest", several)
     conclusion = replace(
         found,
         probability_right=right,

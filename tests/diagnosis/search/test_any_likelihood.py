@@ -31,7 +31,7 @@ FALL = hs.Simulator(
 )
 
 
-def diagnosed(simulator, x, y, likelihood, cv=None):
+def diagnosed(simulator, x, y, likelihood, cv=None, max_causes=None):
     model = hs.PowerScaledSurrogate(
         simulator,
         surrogate=hs.ExactSurrogate(),
@@ -39,7 +39,9 @@ def diagnosed(simulator, x, y, likelihood, cv=None):
         n_draws=300,
         random_state=0,
     )
-    return hs.DiscrepancyDiagnosis(model, cv=cv, random_state=0).fit(x[:, None], y)
+    return hs.DiscrepancyDiagnosis(model, cv=cv, max_causes=max_causes, random_state=0).fit(
+        x[:, None], y
+    )
 
 
 @pytest.fixture(scope="module")
@@ -158,7 +160,9 @@ def test_evidence_by_importance_is_that_of_quadrature():
 
 
 def test_normal_rows_keep_their_closed_form():
-    found = diagnosed(FALL, np.linspace(0, 40, 30), 20 - np.linspace(0, 9, 30) ** 0.9, "normal")
+    y = 20 - np.linspace(0, 9, 30) ** 0.9
+    # a curve without noise is no kind, and two of them with a row left out imitate it
+    found = diagnosed(FALL, np.linspace(0, 40, 30), y, "normal", max_causes=1)
     assert scored(found.search_) is found.search_
 
 

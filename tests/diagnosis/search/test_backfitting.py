@@ -40,7 +40,7 @@ def diagnosed(function, max_causes, **settings):
 
 @pytest.fixture(scope="module")
 def both():
-    return diagnosed(decay, 2)
+    return diagnosed(decay, None)
 
 
 @pytest.mark.slow

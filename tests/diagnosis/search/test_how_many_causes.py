@@ -1,0 +1,59 @@
+"""How many causes there are: the data say so where nobody did."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from few_kinds import all_but
+
+import hybridsurrogate as hs
+from hybridsurrogate.diagnosis.search import forward_selection
+
+T = np.linspace(0, 10, 60)
+DECAY = hs.Simulator(
+    lambda t, a, k: a * np.exp(-k * t),
+    inputs={"t": (0, 10)},
+    parameters={
+        "a": hs.truncated_normal(5, 1, 1, 9),
+        "k": hs.truncated_normal(0.3, 0.1, 0.05, 0.8),
+    },
+)
+FEW = all_but("step", "periodic", "unexplained", "gain")
+
+
+def measured(step, wave):
+    rng = np.random.default_rng(3)
+    eta = 4.6 * np.exp(-0.33 * T) + step * (T > 6) + wave * np.sin(2 * np.pi * T / 2.5)
+    return eta + 0.2 * rng.standard_normal(len(T))
+
+
+def diagnosed(y, **settings):
+    model = hs.PowerScaledSurrogate(
+        DECAY, surrogate=hs.ExactSurrogate(), n_draws=200, random_state=0
+    )
+    settings = {"cv": None, "exclude": FEW, "n_replicates": 50, "random_state": 0} | settings
+    return hs.DiscrepancyDiagnosis(model, **settings).fit(T[:, None], y)
+
+
+def test_two_faults_are_found_without_being_asked_for():
+    both = diagnosed(measured(0.9, 0.4))
+    assert {found.kind for found in both.found_causes_} == {"step", "periodic"}
+    assert diagnosed(measured(0.9, 0.4), max_causes=1).verdict_ in ("nearest", "unexplained")
+
+
+@pytest.mark.slow
+# few draws in each fold
+@pytest.mark.filterwarnings("ignore:.*doubtful draws:hybridsurrogate.DiagnosisWarning")
+def test_folds_hold_as_many_causes_as_all_rows():
+    both = diagnosed(measured(0.9, 0.4), cv=2)
+    alone = diagnosed(measured(0.9, 0.4), cv=2, max_causes=1)
+    assert both.gain_.elpd_difference > alone.gain_.elpd_difference
+
+
+@pytest.mark.parametrize(("step", "found"), [(0.9, "step"), (0.0, "none")])
+def test_where_one_is_enough_none_is_searched_beside_it(step, found, monkeypatch):
+    def searched(*given):
+        raise AssertionError("a second cause was searched")
+
+    monkeypatch.setattr(forward_selection, "_look_ahead", searched)
+    assert [one.kind for one in diagnosed(measured(step, 0.0)).found_causes_] == [found]
