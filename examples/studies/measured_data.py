@@ -23,6 +23,7 @@ from measured_sets import SETS, DataSet, Frame
 from measured_sets_more import MORE_SETS
 
 import hybridsurrogate as hs
+from hybridsurrogate.diagnosis.search.forward_selection import tested
 from hybridsurrogate.diagnosis.search.search import Search
 from hybridsurrogate.numerics.atomic_file import written_whole
 
@@ -141,13 +142,21 @@ def judge(data: DataSet, cause, models: tuple, train, test) -> str:
     return f"{'yes' if max(shares) < SAME_CURVE else 'no'}, {told}"
 
 
+def judge_all(data: DataSet, causes: list, models: tuple, train, test) -> str:
+    """Return whether one of several accepted causes is the documented one, else of the first."""
+    told = [judge(data, cause, models, train, test) for cause in causes]
+    return next((word for word in told if word.startswith("yes")), told[0])
+
+
 def named(diagnosis) -> str:
-    """Return the leading cause, its probability, and that where others count, too."""
-    best, right = diagnosis.best_cause_, diagnosis.probability_right_
-    if best.kind == "none":
+    """Return the accepted causes, their probabilities, and that where others count, too."""
+    right = diagnosis.probability_right_
+    if diagnosis.best_cause_.kind == "none":
         return "none"
     others = "" if right is None else f" ({right:.2f})"
-    return f"{label(best)}, {best.probability:.2f}{others}"
+    steps = tested(diagnosis.result_.steps)
+    found = zip(diagnosis.found_causes_, steps, strict=False)
+    return " and ".join(f"{label(one)}, {one.probability:.2f}" for one, _ in found) + others
 
 
 def row(data: DataSet, frame: Frame, fast: bool) -> list[str]:
@@ -157,16 +166,21 @@ def row(data: DataSet, frame: Frame, fast: bool) -> list[str]:
     seconds = time.perf_counter() - start
     best, found = diagnosis.best_cause_, diagnosis.search_
     models = (diagnosis.estimator_, fit_model(data, train, *data.documented))
-    leading = best if best.kind == "none" else found.candidates[found.leader].cause
-    right = judge(data, leading, models, train, test)
+    leading = [step.chosen.cause for step in tested(diagnosis.result_.steps)] or [best]
+    if len(leading) == 1 and best.kind != "none":
+        leading = [found.candidates[found.leader].cause]
+    right = judge_all(data, leading, models, train, test)
     kinds = {cause.kind for cause in (*data.documented, *data.by_catalogue)}
     if right.startswith("no") and diagnosis.verdict_ in ("ambiguous", "nearest"):
         rival = kinds & set(diagnosis.indistinguishable_)
         right = right.replace("no", "among alternatives") if rival else right
-    estimates = ", ".join(
-        f"{name} {mean:.4g} ({low:.4g} to {high:.4g})"
-        for name, (mean, low, high) in best.estimates.items()
-        if "peak" not in name  # not documented
+    estimates = "; ".join(
+        ", ".join(
+            f"{name} {mean:.4g} ({low:.4g} to {high:.4g})"
+            for name, (mean, low, high) in one.estimates.items()
+            if "peak" not in name  # not documented
+        )
+        for one, _ in zip(diagnosis.found_causes_, leading, strict=False)
     )
     errors = (diagnosis.estimator_, diagnosis.extended_estimator_, models[1])
     errors = [f"{error(data, model, *test):.4g}" for model in errors]
@@ -298,7 +312,7 @@ simulation that a scientist would write first. The diagnosis sees that simulatio
 the training rows; "RMSE held out" is on rows that it never saw, before -> after the cause that it
 named, then with the documented cause in its place; INDEX is the same with the documented cause
 fitted by least squares. "Right" says whether the most probable cause is the documented one,
-whatever the verdict is. One of another name counts where its curve is less than 5 % of what the
+whatever the verdict is; where one leaves structure, so that a further one was searched and accepted, one of them. One of another name counts where its curve is less than 5 % of what the
 simulation misses apart from that of the documented cause, on the training rows and on those held
 out (both shares are given); "among alternatives": it is not right, but the documented kind is
 among those that cannot be separated, or among those of which the nearest comes first. A
