@@ -312,7 +312,7 @@ simulation that a scientist would write first. The diagnosis sees that simulatio
 the training rows; "RMSE held out" is on rows that it never saw, before -> after the cause that it
 named, then with the documented cause in its place; INDEX is the same with the documented cause
 fitted by least squares. "Right" says whether the most probable cause is the documented one,
-whatever the verdict is; where one leaves structure, so that a further one was searched and accepted, one of them. One of another name counts where its curve is less than 5 % of what the
+whatever the verdict is; where residual structure remained, so that a further one was searched and accepted, one of them. One of another name counts where its curve is less than 5 % of what the
 simulation misses apart from that of the documented cause, on the training rows and on those held
 out (both shares are given); "among alternatives": it is not right, but the documented kind is
 among those that cannot be separated, or among those of which the nearest comes first. A

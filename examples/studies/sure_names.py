@@ -26,7 +26,7 @@ from sklearn.linear_model import LogisticRegression
 from sklearn.model_selection import KFold
 
 import hybridsurrogate as hs
-from hybridsurrogate.diagnosis.checks.residuals import DOCUMENTED, NOT_HELD
+from hybridsurrogate.diagnosis.fitting.verdict import DOCUMENTED, NOT_HELD
 from hybridsurrogate.diagnosis.search.forward_selection import tested
 
 STUDIED = Path(hs.__file__).with_name("studied.json")

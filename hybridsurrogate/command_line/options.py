@@ -310,7 +310,7 @@ NEW = Option(
     "later measurements, in order: does the extended model still predict them?",
     metavar="FILE",
 )
-_MAX_CAUSES = "look for up to N causes (default: a further one where one leaves structure)"
+_MAX_CAUSES = "look for up to N causes (default: a further one where residual structure remains)"
 SEARCH = (
     Option("exclude", "names", "kinds that cannot be the cause, such as delay noise", (), "KIND"),
     Option("max_causes", "whole", _MAX_CAUSES, None, "N"),

@@ -24,11 +24,11 @@ from hybridsurrogate.diagnosis.checks.caution import Caution
 from hybridsurrogate.diagnosis.checks.columns import check_usable_columns
 from hybridsurrogate.diagnosis.checks.data import counted_rows
 from hybridsurrogate.diagnosis.checks.parameters import checked_settings
-from hybridsurrogate.diagnosis.checks.residuals import ResidualCheck
 from hybridsurrogate.diagnosis.checks.simulation import EmulatorCheck
 from hybridsurrogate.diagnosis.fitting.diagnose import InterruptedDiagnosis, diagnose, with_gain
 from hybridsurrogate.diagnosis.fitting.result import DiagnosisResult
 from hybridsurrogate.diagnosis.fitting.sensitivity import prior_sensitivity
+from hybridsurrogate.diagnosis.search.residuals import ResidualCheck
 from hybridsurrogate.diagnosis.search.search import Search
 from hybridsurrogate.diagnosis.source.python_code import extended_model, python_source
 from hybridsurrogate.diagnosis.stored import restored, stored
@@ -89,8 +89,8 @@ class DiscrepancyDiagnosis(RegressorMixin, BaseEstimator):
         Folds for ``gain_``; None: no cross-validation, and neither gain is measured.
     max_causes : int or None, default=None
         How many causes are accepted, one after the other, each with the same control of false
-        alarms. None: a further one is searched, up to three, where those before leave structure
-        that only a curve of any shape or correlated noise explains.
+        alarms. None: a further one is searched, up to three, where residual structure remains:
+        a curve of any shape or correlated noise would explain more, or `residual_check_` fails.
     n_jobs : int or None, default=None
         Processes that share the folds; the result is the same for any number.
     random_state : int, RandomState or None, default=None

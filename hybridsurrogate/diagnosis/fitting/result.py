@@ -13,10 +13,10 @@ from hybridsurrogate.diagnosis.answers.experimental_design import NextMeasuremen
 from hybridsurrogate.diagnosis.answers.finding import CauseFinding
 from hybridsurrogate.diagnosis.checks.caution import Caution
 from hybridsurrogate.diagnosis.checks.parameters import Settings
-from hybridsurrogate.diagnosis.checks.residuals import ResidualCheck
 from hybridsurrogate.diagnosis.checks.simulation import EmulatorCheck
 from hybridsurrogate.diagnosis.search.forward_selection import SearchStep
 from hybridsurrogate.diagnosis.search.null_test import NullTest
+from hybridsurrogate.diagnosis.search.residuals import ResidualCheck
 from hybridsurrogate.diagnosis.search.search import Search
 from hybridsurrogate.diagnosis.validation.beta_scan import BetaScans
 from hybridsurrogate.diagnosis.validation.gain import HeldOutGain

@@ -1,27 +1,35 @@
-"""The verdict on a finished search, every word of it, and what makes it doubtful."""
+"""The verdict on a finished search, every word of it, how sure it is, and what makes it doubtful.
+
+The probabilities of a search suppose that the true cause is in the catalogue. No test of the data
+can name a curve that fits as well. How often that misleads was counted on
+blind cases with their kind in the catalogue and with it taken out, alone and together with a
+further, smaller fault. Each is as frequent as among measured data sets. A logistic regression on
+them predicts how often the most probable cause is the right one.
+"""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
+from scipy import special
 
 from hybridsurrogate.diagnosis.checks.caution import Caution
 from hybridsurrogate.diagnosis.checks.columns import better_columns
 from hybridsurrogate.diagnosis.checks.data import gross_errors, mirrored, single_rows
 from hybridsurrogate.diagnosis.checks.parameters import Settings
-from hybridsurrogate.diagnosis.checks.residuals import (
-    ResidualCheck,
-    check_residuals,
-    has_residual_structure,
-    probability_right,
-)
 from hybridsurrogate.diagnosis.checks.simulation import EmulatorCheck
 from hybridsurrogate.diagnosis.fitting.result import Conclusion
 from hybridsurrogate.diagnosis.search.candidate import MIN_PROBABILITY, Candidate
 from hybridsurrogate.diagnosis.search.forward_selection import SearchStep, tested
+from hybridsurrogate.diagnosis.search.residuals import (
+    ResidualCheck,
+    check_residuals,
+    has_residual_structure,
+)
 from hybridsurrogate.diagnosis.search.search import Search, draw_the_same, predicted_rows
 from hybridsurrogate.diagnosis.search.simulated import detectable, smallest_detectable
 from hybridsurrogate.diagnosis.validation.refit import accepted, with_rows
@@ -32,6 +40,7 @@ from hybridsurrogate.inference.procedure import at_prior_ends, effects_at_prior_
 from hybridsurrogate.model.posterior import Posterior
 from hybridsurrogate.model.problem import Problem
 from hybridsurrogate.numerics import digits
+from hybridsurrogate.studied import STUDIED
 
 
 def conclude(
@@ -82,7 +91,7 @@ def conclude(
     word = "named" if share >= SETTINGS.naming_level else "ambiguous"
     if not chosen.has_name:
         word = "unexplained"
-    elif word == "named" and has_residual_structure(last, residual_check):
+    elif word == "named" and has_residual_structure(last.conditional, last.chosen, residual_check):
         word = "nearest"
     return Conclusion(word, chosen.cause.concerns, None, same, share)
 
@@ -213,3 +222,45 @@ def contradicted(posterior: Posterior, known: Sequence[Cause]) -> list[Caution]:
                 "interval). Look whether it is where it is known to be, or diagnose without it."
             )
     return [Caution("prior", sentence) for sentence in said]
+
+
+# of the measured data sets with a documented cause (docs/evidence/measured_data.md) some had one
+# that the catalogue does not hold; coefficients of one, of the log odds within the catalogue, and
+# of residual structure. In tenfold cross-validation the latter gains 0.014 (standard error 0.007)
+# in the mean log score; the probability of a remainder gains 0.006 (0.006) more, the residuals'
+# p-value, the rows and the evidence against a smooth curve no more than their standard error
+_FOUND = STUDIED["probability_right"]
+NOT_HELD, DOCUMENTED, N_CASES = (_FOUND[name] for name in ("not_held", "documented", "n_cases"))
+_ONE, _ODDS, _STRUCTURE, _SEVERAL = (
+    _FOUND[name] for name in ("one", "odds", "structure", "several")
+)
+# probabilities beyond it are all the same: no case was surer
+_HIGHEST_PROBABILITY = 0.9999
+
+
+def probability_right(share: float, has_residual_structure: bool, several: bool = False) -> float:
+    """Return the probability that the most probable cause is right, given that something is wrong.
+
+    Parameters
+    ----------
+    share : float
+        Probability of its kind within the catalogue, given that something is wrong.
+    has_residual_structure : bool
+        Whether the verdict is "nearest".
+    several : bool, default=False
+        Whether further causes were accepted: two of the catalogue also imitate one outside it.
+
+    Returns
+    -------
+    float
+        Never more than ``share``.
+
+    Examples
+    --------
+    >>> sure, unsure = probability_right(0.99, False), probability_right(0.6, False)
+    >>> unsure < sure < 0.99
+    True
+    """
+    odds = float(special.logit(min(max(share, 1 - _HIGHEST_PROBABILITY), _HIGHEST_PROBABILITY)))
+    total = _ONE + _ODDS * odds + _STRUCTURE * has_residual_structure + _SEVERAL * several
+    return min(share, 1 / (1 + math.exp(-total)))

@@ -13,6 +13,7 @@ from hybridsurrogate.diagnosis.search.context import Fitted, InterruptedSearch, 
 from hybridsurrogate.diagnosis.search.exact_scores import placed_together, scored
 from hybridsurrogate.diagnosis.search.null_test import NullTest, evidence_bound, null_test
 from hybridsurrogate.diagnosis.search.processes import at_best_noise, with_processes
+from hybridsurrogate.diagnosis.search.residuals import check_residuals, has_residual_structure
 from hybridsurrogate.diagnosis.search.search import Search, draw_the_same, search
 from hybridsurrogate.effects.base import Cause, Nothing
 from hybridsurrogate.inference.evidence.grid import make_grid
@@ -85,7 +86,7 @@ def forward_search(
     Parameters
     ----------
     max_causes : int or None
-        None: a further one is searched where one leaves structure, up to three.
+        None: a further one is searched where residual structure remains, up to three.
     n_replicates : int or None
         None: probabilities alone decide, and no remainder is compared: quick, for folds.
     nearby : sequence of Search
@@ -269,13 +270,17 @@ def _first_choice(result: Search) -> Candidate:
 
 
 def _is_enough(result: Search, chosen: Candidate) -> bool:
-    """Return whether a cause leaves no structure: a process that it needs, or is itself."""
+    """Return whether a cause leaves no residual structure, and is no curve of any shape."""
     assert chosen.cause is not None
     if chosen.cause.is_smooth_curve:
         return False
+    if chosen.cause.is_correlated_noise:
+        return True
     at = next(k for k, w in enumerate(result.candidates) if w is chosen)
-    more = max(result.remainder[at], result.correlated[at]) > 0.5
-    return chosen.cause.is_correlated_noise or not more
+    # such noise imitates a second cause
+    imitated = result.correlated[at] > 0.5
+    check = check_residuals(result, chosen)
+    return not imitated and not has_residual_structure(result, chosen, check)
 
 
 def _alone(steps: list[SearchStep]) -> list[SearchStep]:

@@ -80,7 +80,7 @@ def prepare(
     excluded : collection of str
         Kinds of the catalogue that are excluded.
     max_causes : int or None, default=None
-        How many may be accepted together; None: as many as leave structure alone.
+        How many may be accepted together; None: as many as the data ask for.
 
     Raises
     ------

@@ -6,7 +6,7 @@ from few_kinds import all_but
 from hidden_effects.cases import make_case
 
 import hybridsurrogate as hs
-from hybridsurrogate.diagnosis.checks.residuals import probability_right
+from hybridsurrogate.diagnosis.fitting.verdict import probability_right
 
 
 def test_a_surer_search_is_a_surer_name_and_never_surer_than_the_search():

@@ -7,7 +7,6 @@ import math
 import pandas as pd
 
 from hybridsurrogate.diagnosis.checks.parameters import confounded, sentences_on_parameters
-from hybridsurrogate.diagnosis.checks.residuals import RESIDUAL_LEVEL
 from hybridsurrogate.diagnosis.checks.simulation import MAX_MISSED, advice_on_runs
 from hybridsurrogate.diagnosis.report.details import pictures
 from hybridsurrogate.diagnosis.report.details.evidence import (
@@ -18,6 +17,7 @@ from hybridsurrogate.diagnosis.report.details.evidence import (
 from hybridsurrogate.diagnosis.report.details.gain import is_worse
 from hybridsurrogate.diagnosis.report.elements.section import Picture, Section, Table
 from hybridsurrogate.diagnosis.report.elements.view import View, averaged
+from hybridsurrogate.diagnosis.search.residuals import RESIDUAL_LEVEL
 from hybridsurrogate.model.posterior import KHAT_LIMIT
 from hybridsurrogate.numerics import digits
 

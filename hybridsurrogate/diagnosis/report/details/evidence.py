@@ -7,7 +7,7 @@ import pandas as pd
 
 from hybridsurrogate.diagnosis.answers.finding import NOT_COMPARED, is_compared
 from hybridsurrogate.diagnosis.checks.caution import SETTINGS as CHECKS
-from hybridsurrogate.diagnosis.checks.residuals import DOCUMENTED, N_CASES, NOT_HELD
+from hybridsurrogate.diagnosis.fitting.verdict import DOCUMENTED, N_CASES, NOT_HELD
 from hybridsurrogate.diagnosis.report.details import pictures
 from hybridsurrogate.diagnosis.report.elements import tables
 from hybridsurrogate.diagnosis.report.elements.section import Picture, Section, Table

@@ -8,8 +8,8 @@ from scipy import stats
 from sklearn.base import clone
 
 import hybridsurrogate as hs
-from hybridsurrogate.diagnosis.checks.residuals import check_residuals
 from hybridsurrogate.diagnosis.search.context import SearchContext
+from hybridsurrogate.diagnosis.search.residuals import check_residuals
 from hybridsurrogate.diagnosis.search.search import search
 from hybridsurrogate.diagnosis.search.setup import prepare, trained_emulator
 from hybridsurrogate.inference.procedure import at_prior_ends

@@ -1,26 +1,17 @@
-"""Whether what a model leaves of the measured rows looks like noise, and how sure a name is.
+"""Whether what a model leaves of the measured rows looks like noise.
 
 Replicates of noise are fitted by the linearised model as the measured rows were, so that the
 freedom of the fit is in what they leave, too.
-
-The probabilities of a search suppose that the true cause is in the catalogue. No test of the data
-can name a curve that fits as well. How often that misleads was counted on
-blind cases with their kind in the catalogue and with it taken out, alone and together with a
-further, smaller fault. Each is as frequent as among measured data sets. A logistic regression on
-them predicts how often the most probable cause is the right one.
 """
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import fft, special
+from scipy import fft
 
-from hybridsurrogate.diagnosis.checks.caution import REPLICATES
 from hybridsurrogate.diagnosis.search.candidate import Candidate
-from hybridsurrogate.diagnosis.search.forward_selection import SearchStep
 from hybridsurrogate.diagnosis.search.search import (
     Search,
     local_posterior,
@@ -29,11 +20,12 @@ from hybridsurrogate.diagnosis.search.search import (
 )
 from hybridsurrogate.inference.evidence.settings import SETTINGS
 from hybridsurrogate.simulation.outputs import OUTPUT
-from hybridsurrogate.studied import STUDIED
 from hybridsurrogate.types import FloatArray
 
 # of causes that are right so many are called the nearest one
 RESIDUAL_LEVEL = 0.05
+# sets of noise that residuals are compared with
+_REPLICATES = 999
 # slow waves over a column, from a half to two over its range
 _N_WAVES = 4
 
@@ -93,12 +85,20 @@ def check_residuals(result: Search, w: Candidate) -> ResidualCheck | None:
     return ResidualCheck(p_value, dict(zip(found, shares[:, 0].tolist(), strict=True)))
 
 
-def has_residual_structure(step: SearchStep, check: ResidualCheck | None) -> bool:
-    """Return whether residual structure remains: in the residuals, or given a smooth curve."""
-    strange = check is not None and check.p_value <= RESIDUAL_LEVEL
-    place = [w is step.chosen for w in step.conditional.candidates]
-    remainder = float(step.conditional.remainder[place.index(True)]) if any(place) else 0.0
-    return strange or remainder > 0.5
+def has_residual_structure(result: Search, w: Candidate, check: ResidualCheck | None) -> bool:
+    """Return whether residual structure remains: in the residuals, or given a smooth curve.
+
+    Parameters
+    ----------
+    result : Search
+    w : Candidate
+        Of its candidates, or one that came later.
+    check : ResidualCheck or None
+        Of it.
+    """
+    place = [other is w for other in result.candidates]
+    remainder = float(result.remainder[place.index(True)]) if any(place) else 0.0
+    return remainder > 0.5 or (check is not None and check.p_value <= RESIDUAL_LEVEL)
 
 
 def _left(result: Search, w: Candidate) -> FloatArray:
@@ -120,12 +120,12 @@ def _left(result: Search, w: Candidate) -> FloatArray:
     measured = target - design @ local.mean
     # a fixed stream: a verdict is reproducible
     random = np.random.RandomState(0)
-    noise = random.standard_normal((REPLICATES, len(measured)))
+    noise = random.standard_normal((_REPLICATES, len(measured)))
     if is_path:
         # a path leaves a share of itself, in the replicates as in the measured rows
         path = design[:, rows.first :]
         path = path * size / w.fit.sigma / np.sqrt(np.mean(np.sum(path**2, axis=1)))
-        noise += random.standard_normal((REPLICATES, path.shape[1])) @ path.T
+        noise += random.standard_normal((_REPLICATES, path.shape[1])) @ path.T
     fitted = noise @ design @ local.covariance @ design.T / w.fit.sigma**2
     left = np.vstack([measured, noise - fitted])
     scale = np.sqrt(np.mean(left**2, axis=1, keepdims=True))
@@ -140,45 +140,3 @@ def _along(left: FloatArray) -> dict[str, FloatArray]:
         "curve": np.sum(waves**2, axis=1),
         "spread": np.abs(np.abs(left) @ np.linspace(-1, 1, left.shape[1])),
     }
-
-
-# of the measured data sets with a documented cause (docs/evidence/measured_data.md) some had one
-# that the catalogue does not hold; coefficients of one, of the log odds within the catalogue, and
-# of residual structure. In tenfold cross-validation the latter gains 0.014 (standard error 0.007)
-# in the mean log score; the probability of a remainder gains 0.006 (0.006) more, the residuals'
-# p-value, the rows and the evidence against a smooth curve no more than their standard error
-_FOUND = STUDIED["probability_right"]
-NOT_HELD, DOCUMENTED, N_CASES = (_FOUND[name] for name in ("not_held", "documented", "n_cases"))
-_ONE, _ODDS, _STRUCTURE, _SEVERAL = (
-    _FOUND[name] for name in ("one", "odds", "structure", "several")
-)
-# probabilities beyond it are all the same: no case was surer
-_HIGHEST_PROBABILITY = 0.9999
-
-
-def probability_right(share: float, has_residual_structure: bool, several: bool = False) -> float:
-    """Return the probability that the most probable cause is right, given that something is wrong.
-
-    Parameters
-    ----------
-    share : float
-        Probability of its kind within the catalogue, given that something is wrong.
-    has_residual_structure : bool
-        Whether the verdict is "nearest".
-    several : bool, default=False
-        Whether further causes were accepted: two of the catalogue also imitate one outside it.
-
-    Returns
-    -------
-    float
-        Never more than ``share``.
-
-    Examples
-    --------
-    >>> sure, unsure = probability_right(0.99, False), probability_right(0.6, False)
-    >>> unsure < sure < 0.99
-    True
-    """
-    odds = float(special.logit(min(max(share, 1 - _HIGHEST_PROBABILITY), _HIGHEST_PROBABILITY)))
-    total = _ONE + _ODDS * odds + _STRUCTURE * has_residual_structure + _SEVERAL * several
-    return min(share, 1 / (1 + math.exp(-total)))
