@@ -95,7 +95,7 @@ def test_it_is_part_of_a_fitted_estimator_that_is_copied_and_stored(both):
     np.testing.assert_array_equal(pickle.loads(pickle.dumps(added)).predict(X), kept.predict(X))
 
 
-def test_two_inputs_have_two_ends_each_and_one_that_was_not_varied_none():
+def test_each_input_has_two_ends_and_one_that_was_not_varied_is_far_at_once():
     simulator = hs.Simulator(
         lambda t, u, v, a: a * t + u + 0 * v,
         {"t": (0, 20), "u": (0, 5), "v": (0, 1)},
@@ -107,10 +107,14 @@ def test_two_inputs_have_two_ends_each_and_one_that_was_not_varied_none():
         simulator, surrogate=hs.ExactSurrogate(), effects=[hs.Remainder(1.0)], random_state=0
     ).fit(X, 2 * T + X[:, 1] + 0.1 * random.standard_normal(30))
     prepared = model.posterior_.model.effects[-1]
-    assert prepared.coefficients == ("below t", "above t", "below u", "above u")
-    inside, outside = np.array([[5.0, 2.0, 0.9]]), np.array([[15.0, 9.0, 0.5]])
-    spread = [np.std(model.posterior_.eta(x)[0]) for x in (inside, outside)]
-    assert spread[0] < 0.2 < spread[1]
+    ends = [f"{side} {name}" for name in "tuv" for side in ("below", "above")]
+    assert list(prepared.coefficients) == ends
+    places = np.array([[5.0, 2.0, 0.5], [15.0, 9.0, 0.5], [5.0, 2.0, 0.51], [5.0, 2.0, 0.9]])
+    inside, outside, *other = np.std(model.posterior_.eta(places)[0], axis=0)
+    assert inside < 0.2 < outside
+    # an amplitude that is log-uniform from 0.01 to 2, times a normal
+    square = (MOST**2 - LEAST**2) / (2 * np.log(MOST / LEAST))
+    np.testing.assert_allclose(np.square(other), square, rtol=0.3)
 
 
 @pytest.mark.slow
