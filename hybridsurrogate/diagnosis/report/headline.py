@@ -14,6 +14,7 @@ from hybridsurrogate.diagnosis.report.elements.view import SETTINGS, View, label
 from hybridsurrogate.effects.base import Cause
 from hybridsurrogate.effects.over_column import AtLevel
 from hybridsurrogate.effects.registry import headline_of, meaning_of
+from hybridsurrogate.inference.evidence.settings import SETTINGS as SEARCH
 from hybridsurrogate.numerics import digits
 
 
@@ -98,11 +99,15 @@ def lead(view: View) -> tuple[str, ...]:
     if finding.same_curve:
         same = digits.listing(list(finding.same_curve))
         out.append(f"On these rows {same} would draw the same curve.")
-    for other, further in view.findings[1:]:
+    later = (step for step in result.steps[1:] if step.chosen.cause is not None)
+    for step, (other, further) in zip(later, view.findings[1:], strict=True):
         if other.kind == "unexplained":
             out.append("A second fault: a smooth curve of unknown cause.")
-        else:
-            out.append(f"A further fault: {_lower(sentence_of(view, other, further))}")
+            continue
+        own = step.conditional.kind_shares.get(other.kind, 0.0)
+        of = f", most probably ({digits.probability(own)} of the evidence)"
+        word = "A further fault" + of * (own < SEARCH.naming_level)
+        out.append(f"{word}: {_lower(sentence_of(view, other, further))}")
     return tuple(out)
 
 

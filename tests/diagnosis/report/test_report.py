@@ -20,6 +20,7 @@ from sklearn.base import clone
 import hybridsurrogate as hs
 from hybridsurrogate.diagnosis.report.html import mathml
 from hybridsurrogate.diagnosis.report.summary import plain
+from hybridsurrogate.diagnosis.search.candidate import Candidate
 from hybridsurrogate.diagnosis.validation import beta_scan as trust
 from hybridsurrogate.numerics import digits
 
@@ -310,6 +311,19 @@ def test_two_causes_at_once():
         second.kind,
     ]
     assert "max_causes" not in str(report)
+
+
+def test_a_further_fault_that_others_draw_as_well_is_told_with_its_share():
+    diagnosis = copy.deepcopy(outcome("two causes"))
+    first, second = diagnosis.result_.steps
+    candidates = second.conditional.candidates
+    level = [Candidate(w.cause, w.fit, log_evidence=0.0) for w in candidates]
+    unsure = replace(second, conditional=replace(second.conditional, candidates=level))
+    diagnosis.result_ = replace(diagnosis.result_, steps=(first, unsure))
+    share = unsure.conditional.kind_shares[unsure.chosen.kind]
+    assert share < 0.6
+    told = f"A further fault, most probably ({100 * share:.0f} % of the evidence): "
+    assert diagnosis.report().lead[-1].startswith(told)
 
 
 def test_residual_structure_is_the_caution():
