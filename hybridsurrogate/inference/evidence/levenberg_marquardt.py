@@ -21,7 +21,7 @@ from hybridsurrogate.inference.evidence.settings import SETTINGS
 from hybridsurrogate.model.context import disjoint_moves, single_moves
 from hybridsurrogate.model.observation import MeasuredModel
 from hybridsurrogate.model.statistics import EmulatorPosterior
-from hybridsurrogate.numerics.linear_algebra import LARGE_BLOCK, NEGLIGIBLE
+from hybridsurrogate.numerics.linear_algebra import LARGE_BLOCK, NEGLIGIBLE, SINGULAR
 from hybridsurrogate.priors import Z_LIMIT, to_normal
 from hybridsurrogate.simulation.arrays import LARGEST
 from hybridsurrogate.types import FloatArray
@@ -183,7 +183,9 @@ class _Residual:
         if columns.shape[2]:
             columns = columns * self.model.column_sd
             normal = np.swapaxes(columns, 1, 2) @ columns
-            normal += self.floor**2 * np.eye(columns.shape[2])
+            # columns of two causes may be the same curve
+            least = SINGULAR * np.trace(normal, axis1=1, axis2=2)[:, None, None]
+            normal += np.maximum(self.floor**2, least) * np.eye(columns.shape[2])
             right = np.einsum("jnq,jn->jq", columns, residual)
             fitted = np.linalg.solve(normal, right[..., None])
             residual = residual - (columns @ fitted)[..., 0]

@@ -93,6 +93,26 @@ def test_an_output_that_runs_to_zero_is_a_bad_fit_and_no_more():
     assert best is None or np.isfinite(best).all()
 
 
+def test_two_columns_that_are_one_curve_are_no_trouble():
+    """Ridge regression tells them apart by no digit, and must not fail."""
+    t = np.linspace(0, 40, 30)[:, None]
+    simulator = hs.Simulator(
+        lambda t, k: np.exp(-k * t), {"t": (0, 40)}, {"k": hs.truncated_normal(0.03, 0.02, 0, 0.1)}
+    )
+    y = np.exp(-0.03 * t[:, 0]) + 0.2
+    likelihood, names = as_likelihood("normal"), simulator.input_names
+    problem = make_problem(simulator, hs.ExactSurrogate(), likelihood, None, (), names, t, y)
+    basis = problem.model.basis
+    context = make_context(simulator, names, 1, t, problem.scale, likelihood, basis, 0.0)
+    causes = hs.Offset(), hs.Offset(), hs.ParameterDrift("k", "t")
+    model = problem.model.with_effects([cause.prepare(context) for cause in causes])
+    grid, emulator = make_grid(model), emulator_posterior(basis, None)
+    known = grid.neutral
+    # a floor so low that it is lost to rounding beside the columns
+    best = best_of_global_starts(model, t, problem.y, emulator, grid, known[:1], known, 1e-12)
+    assert best is None or np.isfinite(best).all()
+
+
 def test_what_is_known_well_is_not_expected_to_change_much():
     fall = hs.OdeSimulator(
         lambda t, state, gravity, drag: np.stack([state[1], -gravity - drag * state[1]]),
