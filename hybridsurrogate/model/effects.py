@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from hybridsurrogate.effects.base import ERROR, ROW, SIMULATED, SLOPE, Act, Cause, Rows
 from hybridsurrogate.effects.noise.known_errors import RowErrors
-from hybridsurrogate.likelihoods import Contaminated, Likelihood, TransformedNormal
+from hybridsurrogate.likelihoods import Censored, Contaminated, Likelihood, TransformedNormal
 from hybridsurrogate.numerics.linear_algebra import in_blocks
 from hybridsurrogate.types import FloatArray, Prior
 
@@ -258,8 +258,10 @@ class CausesOnRows:
     def likelihood_of(self, likelihood: Likelihood, values: FloatArray) -> Likelihood:
         """Return the likelihood of measured rows for draws of `values`.
 
-        A cause may make some rows outliers, or increase the scatter of counts.
+        A cause may make some rows outliers, or increase the scatter of counts, within their limits.
         """
+        if isinstance(likelihood, Censored):
+            return replace(likelihood, base=self.likelihood_of(likelihood.plain, values))
         if self.acts_on("overdispersion"):
             squares = np.zeros(len(values))
             for effect, own in zip(self.effects, self.theta(values), strict=True):
