@@ -329,9 +329,10 @@ class DiscrepancyDiagnosis(RegressorMixin, BaseEstimator):
             precisions, such as the counts behind means, a mean of one: a sum beyond the number of
             rows makes the intervals of the extension those of as many measurements.
         y_err : float, str, array-like of the shape of y, or None, default=None
-            As the estimator's: known standard deviations of the measurements, with which its
-            ``noise`` says what else is inferred. A search infers further noise ("added") with the
-            share of the known errors in it fixed at what fits without a cause.
+            As the estimator's: known standard deviations of the measurements, or covariances of
+            several outputs, with which its ``noise`` says what else is inferred. A search infers
+            further noise ("added") with the share of the known errors in it fixed at what fits
+            without a cause.
 
         Returns
         -------

@@ -144,7 +144,8 @@ class SurrogateEstimator(RegressorMixin, CheckedEstimator):
             else is inferred: see ``noise``. A name: that column of a DataFrame X, of several
             outputs a list of names. One number: that of every row. Under a log-normal likelihood
             the standard deviation of log y is ``y_err / y``; under a Student-t one it is the scale
-            of the row.
+            of the row. Of several outputs also the covariance of the errors of a row, in squared
+            units of y: shape (n, k, k), or (k, k) for all rows.
 
         Returns
         -------
@@ -378,6 +379,9 @@ class SurrogateEstimator(RegressorMixin, CheckedEstimator):
     ) -> FloatArray:
         """Return the log posterior predictive density of each measured row.
 
+        Where the errors of several outputs are correlated, that of each output given those before
+        it in the row: they add up to the density of the row.
+
         Parameters
         ----------
         X : array-like of shape (n, n_columns)
@@ -425,6 +429,14 @@ class SurrogateEstimator(RegressorMixin, CheckedEstimator):
         if stacking is None:
             return _spread_out(self._log_density(rows, values, mixture_at), there)
         there = np.isfinite(values)
+        if self.data_.carried is not None:
+            rows = rows if y_err is not None else self.data_.as_measured(rows)
+            likelihood = mixture_at(rows[:1])[0][1].likelihood
+            # a value that is not known is no value to be given
+            limited = (likelihood.side(values) != 0).reshape(output.shape).any(axis=1)
+            given = there & ~np.repeat(limited, output.shape[1])
+            likelihood.check(values[there])
+            rows[given, self.data_.measured_at] = likelihood.working(values[given])
         density = self._log_density(rows[there], values[there], mixture_at)
         # a probability has no unit
         inside = mixture_at(rows[:1])[0][1].likelihood.side(values[there]) == 0
