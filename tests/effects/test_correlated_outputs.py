@@ -7,6 +7,7 @@ from scipy.linalg import block_diag
 from scipy.stats import multivariate_normal, norm, uniform
 
 import hybridsurrogate as hs
+from hybridsurrogate.diagnosis.search.null_test import replicates
 
 N, OUTPUTS = 30, ("height", "flow", "heat")
 T = np.linspace(0, 10, N)
@@ -211,6 +212,50 @@ def test_the_order_of_the_outputs_changes_no_fit_of_two_steps(beta):
     np.testing.assert_allclose(one["sd"], other["sd"], rtol=0.12)
     if beta > 0.3:
         assert found[0].loo().elpd == pytest.approx(found[1].loo().elpd, abs=0.03)
+
+
+@pytest.mark.parametrize("kind", ["known", "estimated"])
+def test_replicates_are_correlated_as_far_as_that_is_known(kind):
+    n, random = 16, np.random.default_rng(0)
+    y = random.multivariate_normal([0, 0], CORRELATION[:2, :2] * np.outer(SD[:2], SD[:2]), n)
+    simulator = hs.Simulator(
+        lambda t, level: np.stack([level + 0 * t, 10 * level + 0 * t], axis=-1),
+        {"t": (0, 1)},
+        {"level": norm(0, 1e-6)},
+        output=OUTPUTS[:2],
+    )
+    known = kind == "known"
+    model = hs.PowerScaledSurrogate(
+        simulator,
+        hs.ExactSurrogate(),
+        noise="known" if known else "added",
+        effects=[] if known else [hs.OutputCorrelation()],
+        random_state=0,
+    )
+    search = hs.DiscrepancyDiagnosis(
+        model, exclude=all_but("offset"), cv=None, n_replicates=20, random_state=0
+    )
+    y_err = CORRELATION[:2, :2] * np.outer(SD[:2], SD[:2]) if known else None
+    search = search.fit(np.linspace(0, 1, n)[:, None], y, y_err=y_err).search_
+    problem, null = search.problem, search.candidates[0].fit.model
+    given = null.conditional(problem.X, null.values(np.zeros((1, null.n_unknowns))))
+    drawn = replicates(search, 4000, np.random.RandomState(0))
+    # rows are given others of their measurement: back to what would be measured
+    off = (drawn - problem.y)[:, given.members]
+    again = problem.y[given.members] + (np.linalg.inv(given.weight) @ off[..., None])[..., 0]
+    a, b = again[..., 0], again[..., 1]
+    found = np.sum(a * b, axis=1) / np.sqrt(np.sum(a**2, axis=1) * np.sum(b**2, axis=1))
+    angle = np.arctanh(found)
+    # Fisher's variance for sixteen rows around no fitted mean, and that of what was estimated
+    exact = 1 / (n - 2) + (0 if known else 1 / (n - 0.5))
+    assert np.var(angle) == pytest.approx(exact, rel=0.15)
+    # what the second has of the first, and noise of its own
+    noise = null.simulated(problem.X, null.values(np.zeros((1, null.n_unknowns))))[2]
+    first, second = noise[0, given.members[0]]
+    shared = -given.weight[0, 0, 1, 0] * first
+    assumed = shared / np.hypot(shared, second)
+    assert np.tanh(np.mean(angle)) == pytest.approx(assumed, abs=0.02)
+    assert assumed == pytest.approx(0.8, abs=1e-9 if known else 0.15)
 
 
 # ----------------------------------------------------------------------------------- bad input
