@@ -22,7 +22,7 @@ TASKS = {
     "Plan measurements": ("detectability", "Detectability"),
     "Fit and predict": (
         *("PowerScaledSurrogate", "PredictiveWeightedSurrogate", "MultiSourceSurrogate", "Source"),
-        "SharedErrors",
+        *("SharedErrors", "OutputCorrelation"),
         *("KennedyOHaganSurrogate", "AveragedSurrogate", "EnsembleSampler"),
     ),
     "Choose beta": ("choose_beta", "beta_path"),

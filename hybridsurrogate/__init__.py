@@ -39,6 +39,7 @@ if TYPE_CHECKING:  # for type checkers and editors, which do not run what follow
     from hybridsurrogate.effects.noise.noise import Noise as Noise
     from hybridsurrogate.effects.noise.noise import NoiseAtLevel as NoiseAtLevel
     from hybridsurrogate.effects.noise.noise import NoiseOfMean as NoiseOfMean
+    from hybridsurrogate.effects.noise.noise import OutputCorrelation as OutputCorrelation
     from hybridsurrogate.effects.noise.noise_of_slope import InputError as InputError
     from hybridsurrogate.effects.noise.noise_of_slope import RandomParameter as RandomParameter
     from hybridsurrogate.effects.noise.outliers import GrossError as GrossError
@@ -134,6 +135,7 @@ _NAMES = {
     "diagnosis.planning.detectability": ("Detectability", "detectability"),
     "effects": ("SIMULATED", "SLOPE", "Cause", "InOutput", "Remainder"),
     "effects.noise.known_errors": ("SharedErrors",),
+    "effects.noise.noise": ("OutputCorrelation",),
     "emulators.emulator": ("Emulator",),
     "estimators": (
         *("AveragedSurrogate", "KennedyOHaganSurrogate", "MultiSourceSurrogate"),

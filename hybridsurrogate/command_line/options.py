@@ -271,7 +271,8 @@ LIMITS = (
     Option(
         "below",
         "limit",
-        "limit of the instrument, or column with that of each row: y there or below means at most",
+        "limit of the instrument, or column with that of each row: y there or below means at most; "
+        "predict takes one for each output, such as 1,limit",
         None,
         "Y",
     ),

@@ -169,7 +169,7 @@ def read_study_data(given: argparse.Namespace) -> Study:
     y = measured[given.output].to_numpy(dtype=float)
     y = y[:, 0] if len(given.output) == 1 else y
     likelihood: str | Likelihood = given.likelihood
-    if columns:
+    if any(map(np.ndim, (below, above))):
         y, likelihood = Censored.of_rows(y, below, above, likelihood, given.rounded)
     elif any(limit is not None for limit in (below, above, given.rounded)):
         likelihood = Censored(likelihood, below, above, given.rounded)
@@ -287,6 +287,8 @@ def limits_in(
 ) -> tuple[Any, Any, list[str]]:
     """Return lower and upper limit, one or that of each row, and the columns that hold them.
 
+    Of several outputs one of each (k,), or those of each row (n, k).
+
     Parameters
     ----------
     table : pandas.DataFrame
@@ -298,17 +300,20 @@ def limits_in(
     limits: list[Any] = []
     columns = []
     for word in ("below", "above"):
-        text = getattr(given, word)
-        try:
-            limits.append(None if text is None else float(text))
-        except ValueError:
-            if text not in table:
-                raise ValueError(
-                    f"--{word} {text}: it is neither a number nor a column of {path}, which has "
-                    f"{list(table)}.{did_you_mean(text, table)}"
-                ) from None
-            limits.append(pd.to_numeric(table[text]))
-            columns.append(text)
+        text, each = getattr(given, word), list[Any]()
+        whole = text is None or text in table
+        for one in [text] if whole else str(text).split(","):
+            try:
+                each.append(None if one is None else float(one))
+            except ValueError:
+                if one not in table:
+                    raise ValueError(
+                        f"--{word} {one}: it is neither a number nor a column of {path}, which has "
+                        f"{list(table)}.{did_you_mean(one, table)}"
+                    ) from None
+                each.append(pd.to_numeric(table[one]))
+                columns.append(one)
+        limits.append(np.stack(np.broadcast_arrays(*each), -1) if len(each) > 1 else each[0])
     return *limits, columns
 
 

@@ -329,9 +329,10 @@ class DiscrepancyDiagnosis(RegressorMixin, BaseEstimator):
             precisions, such as the counts behind means, a mean of one: a sum beyond the number of
             rows makes the intervals of the extension those of as many measurements.
         y_err : float, str, array-like of the shape of y, or None, default=None
-            As the estimator's: known standard deviations of the measurements, with which its
-            ``noise`` says what else is inferred. A search infers further noise ("added") with the
-            share of the known errors in it fixed at what fits without a cause.
+            As the estimator's: known standard deviations of the measurements, or covariances of
+            several outputs, with which its ``noise`` says what else is inferred. A search infers
+            further noise ("added") with the share of the known errors in it fixed at what fits
+            without a cause.
 
         Returns
         -------
@@ -712,14 +713,14 @@ class DiscrepancyDiagnosis(RegressorMixin, BaseEstimator):
         Parameters
         ----------
         X : array-like of shape (n, n_columns)
-        y : array-like of shape (n,)
+        y : array-like of shape (n,), or (n, k) of several outputs
         sample_weight : array-like of shape (n,) or None
             Weights of the rows in the mean.
         y_err : float, str, array-like of the shape of y, or None, default=None
             As in ``predict``.
-        below, above : float, array-like of shape (n,) or None, default=None
-            Limits of the instrument at these rows: a y at its limit or beyond counts with the
-            probability of that. None: those of the likelihood.
+        below, above : float, array-like of shape (n,), (k,) or (n, k), or None, default=None
+            Limits of the instrument at these rows, of several outputs of each: a y at its limit or
+            beyond counts with the probability of that. None: those of the likelihood.
         """
         check_is_fitted(self)
         return self.extended_estimator_.score(X, y, sample_weight, y_err, below, above)

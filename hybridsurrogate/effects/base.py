@@ -119,6 +119,10 @@ ROW = "position of the row"
 # that of known errors of the rows, on the scale of eta, in a last column of rows X
 ERROR = "error of the row"
 NOISE_SD = "sd of the noise"
+# those under which rows of several outputs whose errors are correlated carry, after `ERROR`, the
+# number of their measurement, what was measured (on the scale of eta) and, where they are known,
+# the correlations of its error with those of each output
+MEASUREMENT, MEASURED, CORRELATION = "number of the measurement", "measured value", "correlation"
 
 
 def of_wave(theta: Rows) -> dict[str, FloatArray]:

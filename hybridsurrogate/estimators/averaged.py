@@ -129,7 +129,8 @@ class AveragedSurrogate(SurrogateEstimator):
             else is inferred: see ``noise``. A name: that column of a DataFrame X, of several
             outputs a list of names. One number: that of every row. Under a log-normal likelihood
             the standard deviation of log y is ``y_err / y``; under a Student-t one it is the scale
-            of the row.
+            of the row. Of several outputs also the covariance of the errors of a row, in squared
+            units of y: shape (n, k, k), or (k, k) for all rows.
 
         Returns
         -------

@@ -32,6 +32,7 @@ from hybridsurrogate.model.rows.measured_data import (
     new_errors,
     with_new_errors,
 )
+from hybridsurrogate.model.rows.stacking import as_several
 from hybridsurrogate.notebook import table
 from hybridsurrogate.numerics import digits
 from hybridsurrogate.prediction.leave_one_out import Loo, loo_of_rows
@@ -143,7 +144,8 @@ class SurrogateEstimator(RegressorMixin, CheckedEstimator):
             else is inferred: see ``noise``. A name: that column of a DataFrame X, of several
             outputs a list of names. One number: that of every row. Under a log-normal likelihood
             the standard deviation of log y is ``y_err / y``; under a Student-t one it is the scale
-            of the row.
+            of the row. Of several outputs also the covariance of the errors of a row, in squared
+            units of y: shape (n, k, k), or (k, k) for all rows.
 
         Returns
         -------
@@ -262,9 +264,9 @@ class SurrogateEstimator(RegressorMixin, CheckedEstimator):
         level : float, default=0.9
         y_err : float, str, array-like or None
             As in `predict`.
-        below, above : float, array-like of shape (n,) or None, default=None
-            Limits of the instrument at these rows, in units of y; NaN: a row has none. The
-            interval is that of what is recorded.
+        below, above : float, array-like of shape (n,), (k,) or (n, k), or None, default=None
+            Limits of the instrument at these rows, in units of y; NaN: there is none. Of several
+            outputs one of each, or of each value. The interval is that of what is recorded.
 
         Returns
         -------
@@ -298,7 +300,7 @@ class SurrogateEstimator(RegressorMixin, CheckedEstimator):
         levels : sequence of float, default=(0.9,)
         y_err : float, str, array-like or None
             As in `predict`.
-        below, above : float, array-like of shape (n,) or None, default=None
+        below, above : float, array-like or None, default=None
             As in `log_predictive_density`.
 
         Returns
@@ -313,7 +315,6 @@ class SurrogateEstimator(RegressorMixin, CheckedEstimator):
         y = self.measured_outputs(y)
         X = self.checked_rows(X, y_err, y)
         values, mixture_at = self._at_limits(y, below, above)
-        values = values if self.data_.stacking is None else self.data_.stacking.values(values)
         there = np.isfinite(values)
         inside = inside_intervals(mixture_at, X[there], values[there], levels)
         return [_spread_out(one, there).reshape(y.shape) for one in inside]
@@ -355,9 +356,9 @@ class SurrogateEstimator(RegressorMixin, CheckedEstimator):
             As in `sample_predictive_mean`.
         y_err : float, str, array-like or None
             As in `predict`.
-        below, above : float, array-like of shape (n,) or None, default=None
-            Limits of the instrument at these rows, in units of y; NaN: a row has none. Draws
-            are of what is recorded.
+        below, above : float, array-like of shape (n,), (k,) or (n, k), or None, default=None
+            Limits of the instrument at these rows, in units of y; NaN: there is none. Of several
+            outputs one of each, or of each value. Draws are of what is recorded.
 
         Returns
         -------
@@ -378,15 +379,19 @@ class SurrogateEstimator(RegressorMixin, CheckedEstimator):
     ) -> FloatArray:
         """Return the log posterior predictive density of each measured row.
 
+        Where the errors of several outputs are correlated, that of each output given those before
+        it in the row: they add up to the density of the row.
+
         Parameters
         ----------
         X : array-like of shape (n, n_columns)
         y : array-like of shape (n,), or (n, k) of several outputs
         y_err : float, str, array-like or None
             Known errors of y, as in `predict`.
-        below, above : float, array-like of shape (n,) or None, default=None
-            Limits of the instrument at these rows, in units of y; NaN: a row has none. A y at
-            its limit or beyond counts with the probability of that. None: those of the likelihood.
+        below, above : float, array-like of shape (n,), (k,) or (n, k), or None, default=None
+            Limits of the instrument at these rows, in units of y; NaN: there is none. Of several
+            outputs one of each, or of each value. A y at its limit or beyond counts with the
+            probability of that. None: those of the likelihood.
 
         Returns
         -------
@@ -416,17 +421,26 @@ class SurrogateEstimator(RegressorMixin, CheckedEstimator):
             raise ValueError("Input y contains NaN alone: no row has a measurement.")
         rows, output = self._checked(self, X, y, reset=False)
         check_size(output, "y")
-        output, mixture_at = self._at_limits(output, below, above)
+        values, mixture_at = self._at_limits(output, below, above)
         rows = self._known_columns(rows)
         rows = rows if stacking is None else stacking.rows(rows)
         if y_err is not None:
             rows = self._with_new_errors(rows, y_err, output)
         if stacking is None:
-            return _spread_out(self._log_density(rows, output, mixture_at), there)
-        long, values = rows, stacking.values(output)
+            return _spread_out(self._log_density(rows, values, mixture_at), there)
         there = np.isfinite(values)
-        density = self._log_density(long[there], values[there], mixture_at)
-        density -= stacking.log_scale(long[there])
+        if self.data_.carried is not None:
+            rows = rows if y_err is not None else self.data_.as_measured(rows)
+            likelihood = mixture_at(rows[:1])[0][1].likelihood
+            # a value that is not known is no value to be given
+            limited = (likelihood.side(values) != 0).reshape(output.shape).any(axis=1)
+            given = there & ~np.repeat(limited, output.shape[1])
+            likelihood.check(values[there])
+            rows[given, self.data_.measured_at] = likelihood.working(values[given])
+        density = self._log_density(rows[there], values[there], mixture_at)
+        # a probability has no unit
+        inside = mixture_at(rows[:1])[0][1].likelihood.side(values[there]) == 0
+        density -= np.where(inside, stacking.log_scale(rows[there]), 0.0)
         return _spread_out(density, there).reshape(output.shape)
 
     @staticmethod
@@ -443,32 +457,29 @@ class SurrogateEstimator(RegressorMixin, CheckedEstimator):
         )
 
     def _limits(self, n: int, below: ArrayLike | None, above: ArrayLike | None) -> tuple[Any, Any]:
-        """Return lower and upper limits (n,) of new rows, infinite where there is none."""
-        if below is None and above is None:
-            return -np.inf, np.inf
-        if self.data_.stacking is not None:
-            raise ValueError(
-                "below and above are limits of one output, and the fit had several: leave them "
-                "out, or fit that output alone."
-            )
-        return limits_of_rows(n, below, above)
+        """Return lower and upper limits of new rows, like their y; infinite where there is none."""
+        names = () if self.data_.stacking is None else self.data_.stacking.names
+        below, above = (
+            as_several(limits, names, word)
+            if isinstance(limits, pd.DataFrame) and names
+            else limits
+            for limits, word in ((below, "below"), (above, "above"))
+        )
+        return limits_of_rows(n, below, above, names)
 
     def _at_limits(
         self, y: FloatArray, below: ArrayLike | None, above: ArrayLike | None
     ) -> tuple[FloatArray, MixtureAt]:
-        """Return new y with marks at their limits, and the mixture whose likelihood knows them."""
+        """Return single values, marked at their limits, and the mixture that knows the marks."""
+        stacking = self.data_.stacking
+        single = np.asarray if stacking is None else stacking.values
         if below is None and above is None:
-            return y, self._mixture
-        self._limits(len(y), below, above)
-        mixture = self._mixture()
-        if any(posterior.model.acts_on("outliers") for _, posterior in mixture):
-            raise ValueError(
-                "A model with outliers has no probability beyond a limit: leave out below and "
-                "above, or the cause of outliers."
-            )
-        plain = mixture[0][1].plain_likelihood
-        y, likelihood = Censored.of_new_rows(y, plain, below, above)
-        return y, self._mixture_with(likelihood)
+            return single(y), self._mixture
+        plain = self._mixture()[0][1].plain_likelihood
+        limits = zip((below, above), self._limits(len(y), below, above), strict=True)
+        ends = [None if given is None else single(end) for given, end in limits]
+        values, likelihood = Censored.of_new_rows(single(y), plain, *ends)
+        return values, self._mixture_with(likelihood)
 
     def _recorded(self, below: ArrayLike | None, above: ArrayLike | None) -> MixtureAt:
         """Return the mixture without those limits of its likelihood in whose place others are."""
@@ -515,7 +526,7 @@ class SurrogateEstimator(RegressorMixin, CheckedEstimator):
             Weights of the rows in the mean.
         y_err : float, str, array-like or None
             Known errors of y, as in `predict`.
-        below, above : float, array-like of shape (n,) or None, default=None
+        below, above : float, array-like or None, default=None
             Limits of the instrument, as in `log_predictive_density`.
         """
         values = self.log_predictive_density(X, y, y_err, below, above)

@@ -21,7 +21,7 @@ from hybridsurrogate.inference.procedure import carried, thinned
 from hybridsurrogate.inference.sampling.importance import Proposals
 from hybridsurrogate.inference.sampling.settings import SETTINGS
 from hybridsurrogate.model.observation import MeasuredModel
-from hybridsurrogate.model.rows.measured_data import taken_out, without_gaps
+from hybridsurrogate.model.rows.measured_data import errors_of_rows, taken_out, without_gaps
 from hybridsurrogate.model.rows.stacking import as_several
 from hybridsurrogate.model.statistics import powers_of
 from hybridsurrogate.notebook import counted
@@ -336,7 +336,7 @@ def choose_beta(
                 f"splitter or pairs (train, test) of row numbers, got {described(cv)}: {error}."
             ) from error
     held_out, n_refits = [], 0
-    errors = None if y_err is None else np.broadcast_to(as_numbers(y_err, "y_err"), outputs.shape)
+    errors = None if y_err is None else errors_of_rows(y_err, outputs)
     for train, test in counted(splits, "Folds", shown):
         known, held = (None, None) if errors is None else (errors[train], errors[test])
         path = beta_path(model, _safe_indexing(X, train), outputs[train], list(grid), y_err=known)

@@ -17,6 +17,7 @@ from sklearn.utils.validation import check_consistent_length, check_is_fitted, v
 
 from hybridsurrogate.arguments import check_choice, state_to_pickle
 from hybridsurrogate.effects.noise.known_errors import KINDS
+from hybridsurrogate.effects.noise.noise import OutputCorrelation
 from hybridsurrogate.exceptions import did_you_mean
 from hybridsurrogate.inference.sampling.ensembles import EnsembleSampler
 from hybridsurrogate.likelihoods import Censored, Likelihood, as_likelihood
@@ -33,7 +34,7 @@ from hybridsurrogate.model.rows.columns import (
 from hybridsurrogate.model.rows.measured_data import (
     MeasuredData,
     SingleRows,
-    check_errors,
+    check_covariances,
     check_outcomes,
     check_weights,
     name_of,
@@ -196,7 +197,14 @@ class CheckedEstimator(BaseEstimator):
         )
         if y_err is not None:
             data = self._with_errors(data, y_err, likelihood, error_column)
+        elif stacking is not None:
+            data = self._carrying(data, likelihood, None)
         share, sets = self._further_sets(data)
+        if sets and data.carried is not None:
+            raise ValueError(
+                "Errors that are correlated between outputs are those of one measured set: join "
+                "the sets in fit, or leave out covariances and OutputCorrelation."
+            )
         for further, _ in sets:
             likelihood.check_training(further.y[np.isfinite(further.y)])
             check_reach(data.given_columns, further.X, self.simulation)
@@ -212,10 +220,31 @@ class CheckedEstimator(BaseEstimator):
                 'noise="known" takes the noise from y_err: a noise_prior is for noise="added" or '
                 '"scaled".'
             )
-        errors = check_errors(y_err, data.y, likelihood, self.output_names(data.y))
+        names = self.output_names(data.y)
+        errors, correlation = check_covariances(y_err, data.y, likelihood, names)
         scatter = likelihood.scatter(errors, data.y)
         how = row_errors(self.noise, scatter, data.stacking, data.weights)
-        return replace(data, errors=how, y_err=errors, scatter=scatter, error_column=column)
+        if correlation is not None:
+            errors = np.broadcast_to(np.asarray(y_err, dtype=float), correlation.shape)
+        data = replace(data, errors=how, y_err=errors, scatter=scatter, error_column=column)
+        return data if data.stacking is None else self._carrying(data, likelihood, correlation)
+
+    def _carrying(
+        self, data: MeasuredData, likelihood: Likelihood, correlation: FloatArray | None
+    ) -> MeasuredData:
+        """Return data of several outputs with what rows carry where errors are correlated."""
+        effects = getattr(self, "effects", ())
+        effects = effects if isinstance(effects, list | tuple) else ()
+        if correlation is None and not any(isinstance(e, OutputCorrelation) for e in effects):
+            return data
+        assert data.stacking is not None
+        n, k = data.y.shape
+        there, values = np.isfinite(data.y).ravel(), data.stacking.values(data.y)
+        values[there] = likelihood.working(values[there])
+        columns = [np.repeat(np.arange(float(n)), k), values]
+        if correlation is not None:
+            columns.append(correlation.reshape(n * k, k))
+        return replace(data, carried=np.column_stack(columns))
 
     def _further_tables(self) -> Sequence[Any]:
         """Return measured rows in addition to those in ``fit``, as tables."""
@@ -313,7 +342,7 @@ class CheckedEstimator(BaseEstimator):
             warn_outside(self.data_.given_columns, rows, simulation, self.measured_[0])
         rows = rows if self.data_.stacking is None else self.data_.stacking.rows(rows)
         if y_err is None:
-            return rows
+            return self.data_.as_measured(rows)
         return self._with_new_errors(rows, y_err, y)
 
     @abstractmethod

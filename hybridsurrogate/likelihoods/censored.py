@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -235,8 +236,11 @@ class Censored(OfPlain):
             return exact
         y, eta, sigma, out, side = np.broadcast_arrays(y, eta, sigma, exact, side)
         out = out.copy()
-        for where, of in ((side < 0, plain.log_below), (side > 0, plain.log_above)):
-            out[where] = of(y[where], eta[where], sigma[where])
+        for sign, of in ((-1, plain.log_below), (1, plain.log_above)):
+            # whole rows: a likelihood may hold something of each draw
+            rows = (side == sign).reshape(-1, side.shape[-1]).any(axis=0)
+            tail = of(y[..., rows], eta[..., rows], sigma[..., rows])
+            out[..., rows] = np.where(side[..., rows] == sign, tail, out[..., rows])
         return out
 
     def _rounded(self, y: FloatArray, eta: FloatArray, sigma: FloatArray) -> FloatArray:
@@ -324,27 +328,29 @@ class Censored(OfPlain):
 
 
 def limits_of_rows(
-    n: int, below: ArrayLike | None, above: ArrayLike | None
+    n: int, below: ArrayLike | None, above: ArrayLike | None, outputs: Sequence[str] = ()
 ) -> tuple[FloatArray, FloatArray]:
     """Return lower and upper limits (n,) of rows, infinite where there is none.
 
-    Raises ValueError for another length, and for limits that are infinite or not in order.
+    Of several outputs (n, k), from as many or from one limit of each output. Raises ValueError for
+    another shape, and for limits that are not in order or that nothing can reach.
     """
-    ends = []
+    shape, ends = (n, len(outputs)) if outputs else (n,), []
     for limits, word, none in ((below, "below", -np.inf), (above, "above", np.inf)):
-        values = np.asarray(np.nan if limits is None else limits, dtype=float)
-        if values.shape not in ((), (n,)):
-            raise ValueError(
-                f"{word} must have one limit for each of the {n} rows, got {values.shape}."
-            )
-        if np.isinf(values).any():
+        values = np.asarray(np.full(shape, np.nan) if limits is None else limits, dtype=float)
+        if values.shape not in (shape[1:], shape):
+            each = f"each of the {n} rows"
+            if outputs:
+                each = f"each of the outputs {', '.join(outputs)}, or for each value, {shape}"
+            raise ValueError(f"{word} must have one limit for {each}, got {values.shape}.")
+        if np.any(values == -none):
             raise ValueError(f"{word} must hold finite limits; NaN where a row has none.")
-        ends.append(np.broadcast_to(np.where(np.isnan(values), none, values), n))
+        ends.append(np.broadcast_to(np.where(np.isnan(values), none, values), shape))
     low, high = ends
-    if len(bad := np.flatnonzero(low >= high)):
-        k = bad[0]
+    if len(bad := np.argwhere(low >= high)):
+        k = tuple(bad[0])
         raise ValueError(
-            f"below must be less than above in each row; row {k + 1} has {low[k]:g} and "
+            f"below must be less than above in each row; row {k[0] + 1} has {low[k]:g} and "
             f"{high[k]:g}."
         )
     return low, high

@@ -3,16 +3,30 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
-from hybridsurrogate.effects.base import ERROR, ROW, SIMULATED, SLOPE, Act, Cause, Rows
-from hybridsurrogate.effects.noise.known_errors import RowErrors
-from hybridsurrogate.likelihoods import Contaminated, Likelihood, TransformedNormal
+from hybridsurrogate.effects.base import (
+    ERROR,
+    MEASURED,
+    MEASUREMENT,
+    ROW,
+    SIMULATED,
+    SLOPE,
+    Act,
+    Cause,
+    Rows,
+)
+from hybridsurrogate.effects.noise.known_errors import Jitter, RowErrors
+from hybridsurrogate.effects.noise.noise import OutputCorrelation, OutputNoise
+from hybridsurrogate.likelihoods import Censored, Contaminated, Likelihood, TransformedNormal
+from hybridsurrogate.model.rows.stacking import Conditional, members_of
 from hybridsurrogate.numerics.linear_algebra import in_blocks
+from hybridsurrogate.simulation.outputs import OUTPUT
 from hybridsurrogate.types import FloatArray, Prior
 
 # the name under which rows carry their own noise factor
@@ -40,6 +54,11 @@ class CausesOnRows:
     errors : RowErrors or None
         How rows scatter that have known errors: in a column of X after the measured ones. Without
         that column rows have the typical error.
+    carried : tuple of str
+        What rows of several outputs with correlated errors carry after that: see `MEASUREMENT`.
+        Rows without it are of no measurement.
+    given_all : bool
+        Whether each row is given all others of its measurement, not those before it.
     """
 
     columns: tuple[str, ...]
@@ -50,6 +69,8 @@ class CausesOnRows:
     default_sd: float
     has_row_noise: bool = field(default=False, kw_only=True)
     errors: RowErrors | None = field(default=None, kw_only=True)
+    carried: tuple[str, ...] = field(default=(), kw_only=True)
+    given_all: bool = field(default=False, kw_only=True)
 
     @cached_property
     def theta_names(self) -> tuple[tuple[int, str], ...]:
@@ -95,14 +116,90 @@ class CausesOnRows:
     @property
     def touches_noise(self) -> bool:
         """Whether the noise differs between rows."""
-        return self.has_row_noise or self.errors is not None or self.acts_on("noise")
+        known = self.has_row_noise or self.errors is not None or bool(self.carried)
+        return known or self.acts_on("noise")
+
+    @property
+    def names(self) -> list[str]:
+        """Names of the columns that rows may have."""
+        errors, noise = [ERROR] * (self.errors is not None), [_ROW_NOISE] * self.has_row_noise
+        return [*self.columns, *errors, *self.carried, *noise]
+
+    def _once(self, X: FloatArray) -> Rows:
+        """Return the columns of rows by name."""
+        return dict(zip(self.names, X.T, strict=False))
+
+    @property
+    def correlated(self) -> bool:
+        """Whether the errors of several outputs are correlated."""
+        return len(self.carried) > 2 or any(isinstance(e, OutputCorrelation) for e in self.effects)
+
+    def conditional(
+        self, X: FloatArray, values: FloatArray, measured: bool = True
+    ) -> Conditional | None:
+        """Return measured rows given others of their measurement, None where they are independent.
+
+        Not ``measured``: rows of unit scale that are yet to be measured.
+        """
+        if not self.correlated or MEASURED not in (once := self._once(X)):
+            return None
+        number = once[MEASUREMENT]
+        if measured:
+            number = np.where(np.isfinite(once[MEASURED]), number, np.nan)
+        own = zip(self.effects, self.theta(values), strict=True)
+        found = [(e, theta) for e, theta in own if isinstance(e, OutputCorrelation)]
+        k = len(found[0][0].outputs) if found else len(self.carried) - 2
+        members = members_of(number, once[OUTPUT], k)
+        if not len(members):
+            return None
+        ratios = found[0][0].ratios if found else None
+        if ratios is not None:
+            scale, share = np.array(ratios)[once[OUTPUT].astype(np.intp)][None], None
+        else:
+            scale, share = self._scale(once, values)
+        if found:
+            matrices = found[0][0].matrices(found[0][1], len(values))[:, None]
+        else:
+            each = np.stack([once[name] for name in self.carried[2:]], axis=1)
+            matrices = each[members][None]
+            if share is not None:
+                # noise in addition to known errors is independent
+                share = share[:, members]
+                both = share[..., :, None] * share[..., None, :]
+                matrices = np.where(np.eye(k) > 0, 1.0, matrices * both)
+        scale = scale if measured else np.ones((1, len(X)))
+        return Conditional.of(members, matrices, scale, self.given_all)
+
+    def whole(self, cuts: list[slice], X: FloatArray) -> list[slice]:
+        """Return blocks of new rows that split no measurement, whose rows follow each other."""
+        if not self.correlated or MEASUREMENT not in (once := self._once(X)):
+            return cuts
+        starts = np.append(0, np.flatnonzero(np.diff(once[MEASUREMENT])) + 1)
+        ends = np.append(starts, len(X))
+        at = np.unique([*ends[np.searchsorted(ends, [cut.start for cut in cuts])], len(X)])
+        return [slice(first, last) for first, last in pairwise(at.tolist())]
+
+    def _scale(self, once: Rows, values: FloatArray) -> tuple[FloatArray, FloatArray | None]:
+        """Return standard deviations (J or 1, n) of rows, and which share of each is a known error.
+
+        Those of the errors alone: what else changes noise keeps their correlation.
+        """
+        n, J = len(once[OUTPUT]), len(values)
+        known = self.errors
+        scale = np.ones((1, n)) if known is None else known.factor(once, n)[None]
+        for effect, theta in zip(self.effects, self.theta(values), strict=True):
+            if isinstance(effect, OutputNoise | Jitter):
+                rows = {k: np.tile(once[k], J) for k in (OUTPUT, ERROR) if k in once}
+                drawn = {name: np.repeat(value, n) for name, value in theta.items()}
+                scale = scale * effect.noise(rows, drawn).reshape(J, n)
+        if known is None or known.kind != "added":
+            return scale, None
+        return scale, known.of_rows(once, n) / known.unit / scale
 
     def rows(self, X: FloatArray, values: FloatArray) -> tuple[Rows, Rows, list[Rows]]:
         """Return columns, omega and each cause's theta, every row of every draw after another."""
         J, n = len(values), len(X)
-        names = [*self.columns]
-        names += [ERROR] * (self.errors is not None) + [_ROW_NOISE] * self.has_row_noise
-        rows: Rows = dict(zip(names, np.tile(X.T, J), strict=False))
+        rows: Rows = dict(zip(self.names, np.tile(X.T, J), strict=False))
         if any(effect.concerns == "data" for effect in self.effects):
             rows = {**rows, ROW: np.tile(np.arange(n, dtype=float), J)}
         repeated = np.repeat(values.T, n, axis=1).T  # columns in one piece
@@ -123,7 +220,7 @@ class CausesOnRows:
         """Return the factors (n,) on sigma that known errors of rows X leave, ones without any."""
         if self.errors is None:
             return np.ones(len(X))
-        return self.errors.factor(dict(zip([*self.columns, ERROR], X.T, strict=False)), len(X))
+        return self.errors.factor(self._once(X), len(X))
 
     def rows_moved(self, X: FloatArray) -> NDArray[np.bool_] | None:
         """Return which rows each unknown may change, (n_unknowns, n); None: each of them all."""
@@ -179,7 +276,8 @@ class CausesOnRows:
         if not q:
             return np.empty((len(values), len(X), 0))
         (added,) = in_blocks(lambda block: (self._added(adding, X, block),), values, len(X) * q)
-        return added
+        given = self.conditional(X, values)
+        return added if given is None else given.residuals(added)
 
     def _added(self, adding: Sequence[int], X: FloatArray, values: FloatArray) -> FloatArray:
         shape = len(values), len(X), -1
@@ -224,7 +322,9 @@ class CausesOnRows:
         rows, _, theta = self.rows(X, values)
         rows = {**rows, SIMULATED: np.tile(simulated, J)}
         tiled = [None if slope is None else np.tile(slope, J) for slope in slopes]
-        return self._noise(rows, theta, tiled, J, len(X))
+        noise = self._noise(rows, theta, tiled, J, len(X))
+        given = self.conditional(X, values)
+        return noise if given is None else given.noise(noise, len(X))
 
     def _noise(
         self,
@@ -258,8 +358,10 @@ class CausesOnRows:
     def likelihood_of(self, likelihood: Likelihood, values: FloatArray) -> Likelihood:
         """Return the likelihood of measured rows for draws of `values`.
 
-        A cause may make some rows outliers, or increase the scatter of counts.
+        A cause may make some rows outliers, or increase the scatter of counts, within their limits.
         """
+        if isinstance(likelihood, Censored):
+            return replace(likelihood, base=self.likelihood_of(likelihood.plain, values))
         if self.acts_on("overdispersion"):
             squares = np.zeros(len(values))
             for effect, own in zip(self.effects, self.theta(values), strict=True):

@@ -10,9 +10,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from hybridsurrogate.effects.base import SIMULATED, Cause, Rows
+from hybridsurrogate.effects.base import MEASURED, SIMULATED, Cause, Rows
 from hybridsurrogate.likelihoods import Likelihood
 from hybridsurrogate.model.effects import CausesOnRows
+from hybridsurrogate.model.rows.stacking import Conditional
 from hybridsurrogate.numerics.digits import number
 from hybridsurrogate.numerics.linear_algebra import blocks, in_blocks
 from hybridsurrogate.priors import from_normal
@@ -291,7 +292,7 @@ class MeasuredModel(CausesOnRows):
         self, X: FloatArray, values: FloatArray, c: FloatArray | None
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return what `simulated` does; c may be one draw (p,) or one for each of values (J, p)."""
-        known, features = self.output(X, values, c)
+        known, features = self._output(X, values, c)
         if not self.touches_noise:
             return known, features, np.ones((len(values), 1))
         rows, _, theta = self.rows(X, values)
@@ -300,15 +301,37 @@ class MeasuredModel(CausesOnRows):
             output = known if c is not None else known + features @ self._reference
             rows = {**rows, SIMULATED: output.ravel()}
             slopes = [None if s is None else s.ravel() for s in self.slopes(X, values, c, output)]
-        return known, features, self._noise(rows, theta, slopes, len(values), len(X))
+        noise = self._noise(rows, theta, slopes, len(values), len(X))
+        given = self.conditional(X, values)
+        if given is None:
+            return known, features, noise
+        return *self._given(given, X, known, features), given.noise(noise, len(X))
+
+    def _given(
+        self, given: Conditional, X: FloatArray, known: FloatArray, features: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return known and features of rows given others of their measurement."""
+        y = X[:, self.names.index(MEASURED)]
+        left = given.residuals((y - known)[..., None])[..., 0]
+        # rows that were not measured are given none
+        return np.where(np.isfinite(y), y - left, known), given.residuals(features)
 
     def output(
         self, X: FloatArray, values: FloatArray, c: FloatArray | None, moves: int = 1
     ) -> tuple[FloatArray, FloatArray]:
         """Return known and features of the simulated output with what causes make of it.
 
-        Of draws of which ``moves`` at a time are close to the first.
+        Of draws of which ``moves`` at a time are close to the first. Rows of several outputs with
+        correlated errors are given others of their measurement.
         """
+        known, features = self._output(X, values, c, moves)
+        given = self.conditional(X, values)
+        return (known, features) if given is None else self._given(given, X, known, features)
+
+    def _output(
+        self, X: FloatArray, values: FloatArray, c: FloatArray | None, moves: int = 1
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return `output` of rows by themselves."""
         by_row = self.basis.known_depends_on_hyper
         if not by_row and not self.acts_on("inputs", "gain", "response"):
             return self._unchanged(X, values, c, moves)
@@ -361,7 +384,7 @@ class MeasuredModel(CausesOnRows):
         else:
             X = X.copy()
             X[:, self.columns.index(name)] += step
-        known, features = model.output(X, values, c)
+        known, features = model._output(X, values, c)
         if c is None:
             known = known + features @ self._reference
         return (known - output) / step
@@ -428,9 +451,10 @@ class MeasuredModel(CausesOnRows):
         else:
             features = self.basis.features(inputs, points)
         U = np.hstack([features @ factor, self.basis.error(inputs, points)])
-        if not self.acts_on("gain", "response"):
-            return U
-        return U * self._response(output, rows, theta)[1][:, None]
+        if self.acts_on("gain", "response"):
+            U = U * self._response(output, rows, theta)[1][:, None]
+        given = self.conditional(X, values)
+        return U if given is None else given.residuals(U[None])[0]
 
     @property
     def factorises(self) -> bool:

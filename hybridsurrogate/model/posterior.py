@@ -165,7 +165,10 @@ class Posterior:
         Draws for which the simulation fails at a row count as impossible there.
         """
         width = self.coefficients.shape[1] + self.effect_coefficients.shape[1] + 2
-        cuts = blocks(len(X), self.n_draws * width, LARGE_BLOCK) or [slice(0, 0)]
+        # measured outputs stay together
+        given = self.model.conditional(X, self.values[:1]) is not None
+        numbers = 0 if given else self.n_draws * width
+        cuts = blocks(len(X), numbers, LARGE_BLOCK) or [slice(0, 0)]
         pieces = [self._eta(X[rows]) for rows in cuts]
         eta, noise = (np.concatenate(piece, axis=1) for piece in zip(*pieces, strict=True))
         return _possible(eta, noise)

@@ -10,7 +10,7 @@ import numpy as np
 
 from hybridsurrogate.effects.base import Cause, Context
 from hybridsurrogate.effects.noise.known_errors import Jitter, RowErrors
-from hybridsurrogate.effects.noise.noise import OutputNoise
+from hybridsurrogate.effects.noise.noise import OutputCorrelation, OutputNoise
 from hybridsurrogate.effects.wrapped import prepared_for
 from hybridsurrogate.exceptions import did_you_mean
 from hybridsurrogate.likelihoods import Likelihood
@@ -135,9 +135,17 @@ class Problem:
         if errors is not None:
             rows = dict(zip(self.model.columns, X.T, strict=False))
             columns.append(errors.of_rows(rows, len(X)))
+        # of no measurement: independent of all others
+        columns += [np.full(len(X), np.nan)] * len(self.model.carried)
         if self.model.has_row_noise:
             columns.append(np.full(len(X), self.unit_noise))
         return np.column_stack(columns)
+
+    def as_places(self, X: FloatArray) -> FloatArray:
+        """Return rows of the problem as places of measurements that are yet to be made."""
+        X = X.copy()
+        X[:, [self.model.names.index(name) for name in self.model.carried]] = np.nan
+        return X
 
     def given(self, hyper: FloatArray) -> Problem:
         """Return the problem with the surrogate's hyperparameters fixed at values (n_hyper,)."""
@@ -276,7 +284,7 @@ class PlainProblem:
             Unknowns at which slopes are taken.
         """
         model, likelihood, stacking = problem.model, problem.likelihood, problem.stacking
-        rows = problem.X, c, problem.y, problem.weights
+        rows = problem.as_places(problem.X), c, problem.y, problem.weights
         context = make_context(
             self.simulation,
             model.columns,
@@ -346,6 +354,7 @@ def plain_problem(
         3 * scale,
         basis,
         errors=data.errors,
+        carried=data.carried_names,
     )
     model = replace(model, least_step=least_step(model, X))
     kept, run_statistics = None, None
@@ -451,6 +460,16 @@ def _working(likelihood: Likelihood, y: FloatArray) -> tuple[FloatArray, ValueEr
 
 def _check_likelihood(model: MeasuredModel, likelihood: Likelihood) -> None:
     """Raise ValueError for causes that need another likelihood."""
+    if model.correlated and model.acts_on("outliers"):
+        raise ValueError(
+            "Correlated errors of several outputs are normal, and outliers are not: leave out "
+            "Outliers, or give y_err as standard deviations without OutputCorrelation."
+        )
+    if len(model.carried) > 2 and any(isinstance(e, OutputCorrelation) for e in model.effects):
+        raise ValueError(
+            "The covariances in y_err have the correlations already: leave out OutputCorrelation, "
+            "or give y_err as standard deviations."
+        )
     if model.acts_on("outliers") and not likelihood.gaussian:
         raise ValueError(
             "Outliers need a normal or log-normal likelihood for the other rows, not a "

@@ -43,6 +43,7 @@ from hybridsurrogate.inference.sampling.modes import Gaussian
 from hybridsurrogate.model.posterior import FEW_DRAWS, Posterior
 from hybridsurrogate.model.problem import Problem
 from hybridsurrogate.model.rows.measured_data import MeasuredData
+from hybridsurrogate.model.rows.stacking import Conditional
 from hybridsurrogate.notebook import counted
 from hybridsurrogate.numerics.linear_algebra import (
     LARGE_BLOCK,
@@ -97,6 +98,9 @@ def _of_some(
     plain = replace(posterior, effect_coefficients=np.zeros_like(posterior.effect_coefficients))
     eta, scale = plain.eta(X)
     columns = model.added(X, posterior.values) * model.column_sd
+    if (given := model.conditional(X, posterior.values)) is not None:
+        found = _of_correlated(given, problem.y - eta, scale, columns)[:, index]
+        return found, less * found
     root = np.sqrt(problem.weights) / scale
     scaled, residual = columns * root[..., None], (problem.y - eta) * root
     transposed = np.swapaxes(scaled, 1, 2)
@@ -113,6 +117,24 @@ def _of_some(
     removed = norm.logpdf(y, mean, np.sqrt(variance + noise / less))
     removed = removed + 0.5 * (1 - less) * np.log(2 * np.pi * noise) - 0.5 * np.log(less)
     return predicted, removed
+
+
+def _of_correlated(
+    given: Conditional, residual: FloatArray, scale: FloatArray, columns: FloatArray
+) -> FloatArray:
+    """Return log densities (S, n) of rows given all others, of weight one, by the precision P.
+
+    Row i has mean y_i - (P r)_i / P_ii and variance 1 / P_ii (Sundararajan and Keerthi 2001, Neural
+    Computation 13:1103). With ``T r`` the independent residuals P is T' (D^2 + H H')^-1 T.
+    """
+    n = residual.shape[1]
+    covariance = columns @ np.swapaxes(columns, 1, 2)
+    covariance[:, range(n), range(n)] += scale**2
+    T = np.broadcast_to(given.residuals(np.eye(n)[None]), covariance.shape)
+    solved = np.linalg.solve(covariance, np.concatenate([T, residual[..., None]], axis=2))
+    both = np.swapaxes(T, 1, 2) @ solved
+    own = np.diagonal(both[..., :n], axis1=1, axis2=2)
+    return np.asarray(norm.logpdf(both[..., n] / own, 0, own**-0.5))
 
 
 Powers = tuple[float, float | FloatArray]  # of the likelihoods of both sources
@@ -271,11 +293,10 @@ class _LeavingOut:
     def each(self, index: NDArray[np.intp], less: FloatArray, progress: bool) -> PointwiseLoo:
         """Return the densities of rows of the problem, by position, with so much less weight."""
         problem, fit = self.problem, self.fit
-        X, y = problem.X[index], problem.observed[index]
         power = np.broadcast_to(fit.powers[1], problem.y.shape)[index]
-        first = _log_likelihood(fit.first, X, y)
+        first = _log_likelihood(problem, fit.first, index)
         if fit.second is fit.first:  # there was no step 2
-            found = pointwise_loo(first, less, first[:, None], np.zeros(len(y)))
+            found = pointwise_loo(first, less, first[:, None], np.zeros(len(index)))
         else:
             n_coefficients = fit.first.coefficients.shape[1] + len(problem.model.column_sd)
             # so many that their matrices, and all of them with each other, fit into a block
@@ -285,7 +306,7 @@ class _LeavingOut:
             of_first = fit.first.take(starts.draw), fit.unknowns[starts.draw]
             again = _at(*of_first, starts.u, starts.columns)
             second, removed = _given_others(problem, again, index, less)
-            shape = len(some), _N_REPEATS, len(y)
+            shape = len(some), _N_REPEATS, len(index)
             found = pointwise_loo(
                 first, power * less, second.reshape(shape), less, removed.reshape(shape), some
             )
@@ -397,7 +418,7 @@ def _given_others(
     # the coefficients of causes are integrated out where they are Gaussian
     if problem.collapses and len(problem.model.column_sd):
         return without_each(problem, posterior, index, less)
-    density = _log_likelihood(posterior, problem.X[index], problem.observed[index])
+    density = _log_likelihood(problem, posterior, index)
     return density, less * density
 
 
@@ -436,5 +457,11 @@ def _at(first: Posterior, unknowns: FloatArray, u: FloatArray, columns: FloatArr
     )
 
 
-def _log_likelihood(posterior: Posterior, X: FloatArray, y: FloatArray) -> FloatArray:
-    return posterior.likelihood.log_density(y, *posterior.eta(X))
+def _log_likelihood(problem: Problem, posterior: Posterior, index: NDArray[np.intp]) -> FloatArray:
+    """Return log densities (S, m) of rows, given what else of their measurement is correlated."""
+    if posterior.model.correlated:
+        posterior = replace(posterior, model=replace(posterior.model, given_all=True))
+        eta, noise = (values[:, index] for values in posterior.eta(problem.X))
+    else:
+        eta, noise = posterior.eta(problem.X[index])
+    return posterior.likelihood.log_density(problem.observed[index], eta, noise)

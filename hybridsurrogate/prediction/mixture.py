@@ -169,8 +169,9 @@ _HEAVY = 0.2
 
 def row_blocks(mixture_at: MixtureAt, X: FloatArray) -> list[slice]:
     """Cut rows X (n, n_columns) into blocks, so that memory for all draws of them is bounded."""
-    draws = sum(posterior.n_draws for _, posterior in mixture_at(X[:1]))
-    return blocks(len(X), draws, LARGE_BLOCK)
+    mixture = mixture_at(X[:1])
+    cuts = blocks(len(X), sum(posterior.n_draws for _, posterior in mixture), LARGE_BLOCK)
+    return mixture[0][1].model.whole(cuts, X)
 
 
 def moments(mixture: Mixture, X: FloatArray, with_variance: bool) -> list[NDArray[Any]]:
@@ -280,7 +281,12 @@ def noise_free(posterior: Posterior, X: FloatArray, random: np.random.RandomStat
 
 def noisy(posterior: Posterior, X: FloatArray, random: np.random.RandomState) -> FloatArray:
     """Return y drawn once for each draw, (S, n)."""
-    return posterior.likelihood.sample(*posterior.eta(X), random)
+    likelihood, (eta, noise) = posterior.likelihood, posterior.eta(X)
+    together = posterior.model.conditional(X, posterior.values, measured=False)
+    if together is None:
+        return likelihood.sample(eta, noise, random)
+    errors = together.correlated(random.standard_normal(eta.shape))
+    return likelihood.inverse(eta + noise * errors)
 
 
 def _bandwidth(eta: FloatArray, noise: FloatArray, y: FloatArray) -> FloatArray:

@@ -72,6 +72,21 @@ def test_a_column_holds_the_limit_of_each_row(tmp_path, monkeypatch, capsys):
         assert low[0] > 7
         assert high[2] < 4
         assert (low[1] == high[1] == 4.0) == bool(limits)
+    # of two outputs one limit each
+    Path("two_slopes.py").write_text("def lines(t, rate):\n    return 10 - rate * t, rate * t\n")
+    frame.drop(columns="limit").assign(z=0.8 * t + 0.1 * y).to_csv("two.csv", index=False)
+    two = words.replace("falling_slope.py:line", "two_slopes.py:lines") + " z"
+    assert main(["fit", "two.csv", *two.split(), "--save", "two.hs"]) == 0
+    predict = ["predict", "two.hs", "new.csv", "--table", "predicted.csv", "--below"]
+    assert main([*predict, "limit,1.5"]) == 0
+    low, high = (pd.read_csv("predicted.csv")[[f"y_{end}", f"z_{end}"]] for end in ("low", "high"))
+    assert low["y_low"][1] == 4.0
+    assert low["y_low"][2] < 4  # the third row has no limit
+    assert low["z_low"][0] == 1.5
+    assert main([*predict, "limit"]) == 2
+    assert "each of the outputs y, z" in capsys.readouterr().err
+    assert main(["fit", "two.csv", *two.split(), "--below", "1,2"]) == 2
+    assert "limits are of one output" in capsys.readouterr().err
     assert main(["predict", "fit.hs", "new.csv", "--below", "limitt"]) == 2
     assert "nor a column of new.csv" in capsys.readouterr().err
     assert main(["fit", "measured.csv", *words.split(), "--below", "limitt"]) == 2

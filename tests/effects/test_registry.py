@@ -124,7 +124,7 @@ def test_every_class_that_is_exported_is_registered():
     exported = (getattr(hs, name) for name in hs.__all__)
     causes = {one for one in exported if inspect.isclass(one) and issubclass(one, hs.Cause)}
     # what is in one output, left beyond the range, or an error of the data, is no kind to find
-    others = {hs.Cause, hs.InOutput, hs.Remainder, hs.SharedErrors}
+    others = {hs.Cause, hs.InOutput, hs.Remainder, hs.SharedErrors, hs.OutputCorrelation}
     assert causes - others == set(classes().values())
 
 

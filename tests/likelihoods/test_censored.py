@@ -1,6 +1,7 @@
 """Values beyond limits and rounded values: probabilities, derivatives, rates over data sets."""
 
 import numpy as np
+import pandas as pd
 import pytest
 from few_kinds import all_but
 from scipy import integrate, special, stats
@@ -479,15 +480,214 @@ def test_limits_of_new_rows_without_sense_are_refused(limits, message):
             call(X, **limits)
 
 
-def test_new_rows_of_a_fit_with_outliers_or_of_several_outputs_have_no_limits():
-    X = np.linspace(0, 1, 20)[:, None]
-    y = X[:, 0] + 0.1 * np.random.default_rng(0).standard_normal(20)
-    fitted = hs.PowerScaledSurrogate(effects=[hs.Outliers()], random_state=0).fit(X, y)
-    with pytest.raises(ValueError, match="outliers"):
-        fitted.score(X, y, below=0.2)
-    fitted = hs.PowerScaledSurrogate(random_state=0).fit(X, np.column_stack([y, -y]))
-    with pytest.raises(ValueError, match="one output"):
-        fitted.score(X, np.column_stack([y, -y]), below=0.2)
+def two_outputs(seed, base="normal", n=60, **settings):
+    """Return a fit of two outputs of different size, new rows, their values and limits."""
+    random = np.random.RandomState(seed)
+    on_log = base in ("lognormal", *COUNTS)
+    truth = random.normal(1.5 if on_log else 0, 0.5), random.normal(0, 0.5)
+    simulator = hs.Simulator(
+        lambda x, a, b: (
+            (np.exp(a + b * x), 9 * np.exp(a - b * x)) if on_log else (a + b * x, 90 * (a - b * x))
+        ),
+        inputs={"x": (-1, 1)},
+        parameters={"a": stats.norm(1.5 if on_log else 0, 0.5), "b": stats.norm(0, 0.5)},
+        output=("small", "large"),
+    )
+    size = np.array([1.0, 9.0 if on_log else 90.0])
+    sigma = 0.5 if base in ("lognormal", *COUNTS) else 0.5 * size
+
+    def drawn(n):
+        x = random.uniform(-1, 1, (n, 1))
+        mean = truth[0] + truth[1] * x * [1, -1]
+        eta = mean + np.log(size) if on_log else mean * size
+        return x, hs.Censored(base).sample(eta, np.broadcast_to(sigma, eta.shape), random)
+
+    X, y = drawn(n)
+    model = hs.PowerScaledSurrogate(
+        simulator, hs.ExactSurrogate(), likelihood=base, n_draws=400, random_state=seed, **settings
+    ).fit(X, y)
+    new, value = drawn(40)
+    # limits that owe nothing to these rows, 30 % of such rows below them, and some without
+    low = np.quantile(drawn(400)[1], 0.3, axis=0) * np.ones((40, 1))
+    if base in COUNTS:
+        low = np.floor(low)
+    low[::7, 1] = np.nan
+    return model, new, value, low
+
+
+def tail_of(base, eta, sigma):
+    """Return the distribution function and log density of SciPy, with our second parameter."""
+    if base == "poisson":
+        return stats.poisson(np.exp(eta))
+    if base == "negative-binomial":
+        return stats.nbinom(sigma**-2, 1 / (1 + sigma**2 * np.exp(eta)))
+    if base == "lognormal":
+        return stats.lognorm(sigma, scale=np.exp(eta))
+    return stats.t(4, eta, sigma) if base == "student-t" else stats.norm(eta, sigma)
+
+
+@pytest.mark.parametrize("base", BASES)
+def test_new_values_of_two_outputs_at_their_limits_have_the_probability_of_the_tail(base):
+    fitted, X, value, low = two_outputs(0, base)
+    y = np.fmax(value, low)
+    y[3, 0] = np.nan
+    scale = fitted.data_.stacking.scale
+    eta, sigma = (
+        fitted.data_.stacking.back(one) for one in fitted.posterior_.eta(fitted.checked_rows(X))
+    )
+    if base in ("lognormal", *COUNTS):
+        sigma = sigma / scale
+    scipy = tail_of(base, eta, sigma)
+    plain = scipy.logpmf if base in COUNTS else scipy.logpdf
+    each = np.where(y <= low, scipy.logcdf(low), plain(y))
+    exact = special.logsumexp(each, axis=0) - np.log(len(eta))
+    assert 0.15 < np.mean(y <= low) < 0.45
+    density = fitted.log_predictive_density(X, y, below=low)
+    np.testing.assert_allclose(density, exact, rtol=1e-6)
+    assert fitted.score(X, y, below=low) == pytest.approx(np.nanmean(exact))
+    # by name, in any order; one limit of each output, that of the second being none
+    table = pd.DataFrame(low[:, ::-1], columns=["large", "small"])
+    assert fitted.score(X, y, below=table) == pytest.approx(np.nanmean(exact))
+    one = fitted.log_predictive_density(X, y, below=[low[0, 0], -np.inf])
+    np.testing.assert_allclose(one[:, 0], exact[:, 0])
+    # draws and intervals are of what is recorded
+    draws = fitted.sample_posterior_predictive(X, 2000, random_state=0, below=low)
+    assert np.all(draws >= np.nan_to_num(low, nan=-np.inf))
+    share = np.mean(draws <= low, axis=0)[np.isfinite(low)]
+    tail = np.exp(special.logsumexp(scipy.logcdf(low), axis=0) - np.log(len(eta)))
+    # draws are of draws of the posterior: 400 are known to a standard error of 0.025
+    np.testing.assert_allclose(share, tail[np.isfinite(low)], atol=0.1)
+    lower, upper = fitted.predict_interval(X, 0.9, below=low)
+    free = fitted.predict_interval(X, 0.9)
+    np.testing.assert_allclose(lower, np.fmax(free[0], low))
+    np.testing.assert_allclose(upper, np.fmax(free[1], low))
+    (inside,) = fitted.interval_holds(X, y, [0.9], below=low)
+    there = np.isfinite(y)
+    same = (inside == ((lower <= y) & (y <= upper)))[there]
+    # without a closed form they are quantiles of draws: a value next to an end is on either side
+    assert np.mean(same) >= (1.0 if base in ("normal", "lognormal") else 0.97)
+    assert np.isnan(inside[3, 0])
+
+
+@pytest.mark.parametrize("base", ["normal", "lognormal"])
+def test_outliers_have_the_mixture_of_the_tails(base):
+    """All that can be recorded has probability one, and far tails are those of the widest."""
+    random = np.random.default_rng(0)
+    x = random.uniform(-1, 1, 60)
+    y = 1 + 0.3 * x + 0.1 * random.standard_normal(60) * np.where(np.arange(60) % 9, 1, 10)
+    y = np.exp(y) if base == "lognormal" else y
+    fitted = hs.PowerScaledSurrogate(
+        effects=[hs.Outliers()], likelihood=base, n_draws=200, random_state=0
+    ).fit(x[:, None], y)
+    low, high = np.quantile(y, [0.2, 0.9])
+    limits = {"below": low, "above": high}
+
+    def density(value):
+        return np.exp(fitted.log_predictive_density([[0.2]], [value], **limits)).item()
+
+    middle = integrate.quad(density, low + 1e-9, high - 1e-9, limit=200)[0]
+    assert density(low) + middle + density(high) == pytest.approx(1.0, abs=1e-4)
+    lower, upper = fitted.predict_interval([[0.2]], 0.98, **limits)
+    assert low <= lower < upper <= high
+    draws = fitted.sample_posterior_predictive([[0.2]], 4000, random_state=0, **limits)
+    assert np.mean(draws == low) == pytest.approx(density(low), abs=0.03)
+    # many standard deviations away only outliers of the widest kind
+    eta, sigma = fitted.posterior_.eta(np.array([[0.2]]))
+    share, scale = (
+        fitted.posterior_.likelihood.share,
+        np.exp(np.linspace(np.log(3), np.log(30), 4001)),
+    )
+    far = (np.log(low) if base == "lognormal" else low) - 40 * sigma.mean()
+    each = (1 - share) * special.ndtr((far - eta) / sigma) + share * integrate.trapezoid(
+        special.ndtr((far - eta) / sigma / scale), np.log(scale), axis=1
+    )[:, None] / np.log(10)
+    far = np.exp(far) if base == "lognormal" else far
+    there = fitted.log_predictive_density([[0.2]], [far], below=far)
+    assert there.item() == pytest.approx(np.log(each.mean()), abs=1e-4)
+
+
+def test_counts_that_scatter_more_have_their_tails():
+    random = np.random.RandomState(0)
+    x = random.uniform(-1, 1, 80)
+    y = random.negative_binomial(3, 3 / (3 + np.exp(2 + 0.5 * x))).astype(float)
+    fitted = hs.PowerScaledSurrogate(
+        effects=[hs.Overdispersion()], likelihood="poisson", n_draws=200, random_state=0
+    ).fit(x[:, None], y)
+    rows = np.zeros((400, 1))
+    values = np.arange(400.0)
+    whole = np.exp(fitted.log_predictive_density(rows, values))
+    at = fitted.log_predictive_density(rows[:1], values[4:5], below=4.0)
+    assert np.exp(at).item() == pytest.approx(whole[:5].sum())
+    at = fitted.log_predictive_density(rows[:1], values[9:10], above=9.0)
+    assert np.exp(at).item() == pytest.approx(1 - whole[:9].sum())
+
+
+@pytest.mark.parametrize(
+    ("limits", "message"),
+    [
+        ({"below": 0.2}, "each of the outputs small, large, or for each value, .40, 2., got .."),
+        ({"below": np.zeros(40)}, "each of the outputs small, large"),
+        ({"above": [np.nan, -np.inf]}, "finite limits"),
+        ({"below": [0.0, 1.0], "above": [1.0, 1.0]}, "row 1 has 1 and 1"),
+        ({"below": pd.DataFrame({"smal": [0.0] * 40, "large": 0.0})}, "lacks the outputs .'small'"),
+    ],
+)
+def test_limits_of_several_outputs_without_sense_are_refused(limits, message):
+    fitted, X, y, _ = two_outputs(0)
+    with pytest.raises(ValueError, match=message):
+        fitted.score(X, y, **limits)
+    with pytest.raises(ValueError, match=message):
+        fitted.predict_interval(X, **limits)
+
+
+def with_outliers(seed):
+    """Return a fit of a line whose rows are outliers at times, new rows, values and limits."""
+    random = np.random.RandomState(seed)
+    a, b = random.normal(size=2)
+
+    def drawn(n):
+        x = random.uniform(-1, 1, (n, 1))
+        wide = np.where(random.uniform(size=(n, 1)) < 0.1, 3 * 10 ** random.uniform(size=(n, 1)), 1)
+        return x, (a + b * x + 0.3 * wide * random.standard_normal((n, 1)))[:, 0]
+
+    X, y = drawn(60)
+    simulator = hs.Simulator(
+        lambda x, a, b: a + b * x, {"x": (-1, 1)}, {"a": stats.norm(0, 1), "b": stats.norm(0, 1)}
+    )
+    model = hs.PowerScaledSurrogate(
+        simulator, hs.ExactSurrogate(), effects=[hs.Outliers()], n_draws=400, random_state=seed
+    )
+    X_new, value = drawn(40)
+    low = np.full(40, np.quantile(drawn(400)[1], 0.3))
+    return model.fit(X, y), X_new, value, low
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("made", [two_outputs, with_outliers])
+def test_limits_of_new_rows_over_100_sets(made):
+    """Whether a value is recorded as below is predicted better than by its share, 30 %."""
+    gain, off, inside, plain = [], [], [], []
+    for seed in range(100):
+        fitted, X, value, low = made(seed)
+        y, given = np.fmax(value, low), np.isfinite(low)
+        density, below = fitted.log_predictive_density(X, y, below=low), y <= low
+        # values above their limits count as before
+        before = fitted.log_predictive_density(X, y)
+        np.testing.assert_allclose(density[~below], before[~below])
+        tail = fitted.log_predictive_density(X, np.where(given, low, 0.0), below=low)[given]
+        share = np.where(below[given], 0.3, 0.7)
+        each = np.where(below[given], tail, np.log1p(-np.exp(np.minimum(tail, -1e-12))))
+        gain.append(np.mean(each - np.log(share)))
+        off.append(np.mean(np.exp(tail) - below[given]))
+        plain.append(np.mean(fitted.interval_holds(X, value, [0.9])[0]))
+        # below a limit that an interval reaches nothing is missed
+        ends = fitted.predict_interval(X, 0.9)
+        nominal = 0.9 + 0.05 * sum(np.where(given, end < low, False) for end in ends)
+        inside.append(np.mean(fitted.interval_holds(X, y, [0.9], below=low)[0] - nominal))
+    assert np.mean(gain) > 3 * np.std(gain) / 10
+    assert abs(np.mean(off)) < 3 * np.std(off) / 10
+    assert 0.86 < np.mean(plain) < 0.94
+    assert abs(np.mean(inside)) < 0.03
 
 
 def test_an_array_of_limits_says_where_it_goes():

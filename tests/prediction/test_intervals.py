@@ -20,7 +20,8 @@ def mixture_of(*parts):
             rows = X[:, 0].astype(int)
             return centre[:, rows], sigma[:, rows]
 
-        return SimpleNamespace(eta=eta, likelihood=Normal(), n_draws=len(centre))
+        model = SimpleNamespace(whole=lambda cuts, X: cuts)
+        return SimpleNamespace(eta=eta, likelihood=Normal(), n_draws=len(centre), model=model)
 
     def at(X):
         rows = X[:, 0].astype(int)

@@ -118,6 +118,7 @@ causes: list[hs.Cause] = [
     hs.NoiseOfMean(),
     hs.Offset("batch", level=1.0),
     hs.Outliers(),
+    hs.OutputCorrelation(),
     hs.Overdispersion(),
     hs.SharedErrors("batch", spread=0.5),
     hs.ParameterByExperiment("rate", "batch"),

@@ -33,7 +33,7 @@ def with_remainder(
     before, after : PowerScaledSurrogate
         Fitted to the same rows; after has causes as effects.
     """
-    rows, stacking = before.data_.single.X, before.data_.stacking
+    rows, stacking = before.data_.single.X[:, : len(before.data_.columns)], before.data_.stacking
     column = after.data_.experiments.column
     # errors that rows share leave the simulation the same in all
     effects = [one for one in after.posterior_.model.effects if one.changes_output]

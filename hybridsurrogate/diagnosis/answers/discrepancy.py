@@ -111,21 +111,22 @@ def estimate_discrepancy(result: Search, cause: Cause | None, output: int) -> Di
     here = np.ones(len(problem.X), dtype=bool)
     if stacking is not None:
         here = problem.X[:, stacking.at] == output
-    own = problem.X[here]
+    X = problem.as_places(problem.X)
+    own = X[here]
     k = problem.model.columns.index(column)
     grid = np.repeat(np.median(own, axis=0)[None], 200, axis=0)
     grid[:, k] = np.linspace(own[:, k].min(), own[:, k].max(), len(grid))
     # the size that the residuals themselves suggest, so that noise is not drawn as a curve
-    plain = predict_locally(result, result.candidates[0], problem.X)[0]
+    plain = predict_locally(result, result.candidates[0], X)[0]
     residual = (problem.y - plain)[here]
     size = float(np.clip(np.std(residual), result.sizes[0], result.sizes[-1]))
-    measured, rows = measured_and_other(result, process, grid)
+    measured, rows = measured_and_other(result, process, np.vstack([grid, X]))
     local = local_posterior(result, process, measured, size)
-    H = rows.design[:, rows.first :]
-    mean = H @ local.mean[rows.first :]
-    sd = np.sqrt(np.einsum("nk,kl,nl->n", H, local.covariance[rows.first :, rows.first :], H))
-    first = measured.first
-    simulated = measured.offset + measured.design[:, :first] @ local.mean[:first]
+    first, n = measured.first, len(grid)
+    H = rows.design[:n, first:]
+    mean = H @ local.mean[first:]
+    sd = np.sqrt(np.einsum("nk,kl,nl->n", H, local.covariance[first:, first:], H))
+    simulated = rows.offset[n:] + rows.design[n:, :first] @ local.mean[:first]
     left, unit = (problem.y - simulated)[here], 1.0
     grid = grid[:, : len(problem.model.columns)]
     if stacking is not None:

@@ -77,7 +77,7 @@ def next_measurement(result: Search, ranges: Mapping[str, tuple[float, float]]) 
     problem = result.problem
     columns = problem.model.columns
     components = components_of(result)
-    point = np.median(problem.X, axis=0)
+    point = np.median(problem.as_places(problem.X), axis=0)
     if problem.stacking is not None:
         point[problem.stacking.at] = 0.0
     information = 0.0

@@ -166,10 +166,8 @@ def followed(
     check_consistent_length(X, values)
     after.checked_rows(X, y_err, values)
     if earlier.y_err is not None:
-        usual = np.nanmedian(before.data_.y_err, axis=0)
-        y_err = np.broadcast_to(
-            as_numbers(usual if y_err is None else y_err, "y_err"), values.shape
-        )
+        given = as_numbers(before.data_.usual_errors if y_err is None else y_err, "y_err")
+        y_err = np.broadcast_to(given, (len(values), *before.data_.y_err.shape[1:]))
     return joined(earlier, GivenRows(X, values, None, y_err))
 
 

@@ -11,10 +11,12 @@ from scipy import special
 from hybridsurrogate.diagnosis.search.candidate import prior_of
 from hybridsurrogate.diagnosis.search.context import Fitted, SearchContext
 from hybridsurrogate.diagnosis.search.search import Search
+from hybridsurrogate.effects.noise.noise import OutputCorrelation
 from hybridsurrogate.inference.evidence.grid import Grid, make_grid
 from hybridsurrogate.inference.evidence.linearised import is_long, linearised_pieces
 from hybridsurrogate.inference.evidence.marginal_likelihood import scan
 from hybridsurrogate.model.observation import MeasuredModel
+from hybridsurrogate.model.problem import Problem
 from hybridsurrogate.simulation.outputs import OUTPUT
 from hybridsurrogate.types import FloatArray
 
@@ -221,5 +223,32 @@ def replicates(result: Search, n: int, random_state: np.random.RandomState) -> F
     if problem.working_point is not None:
         eta = unequal * (unit.mean[0] + g @ G.T + emulator)
         return problem.working_point.replicates(eta, random_state)
-    noise = sigma[:, of] * random_state.standard_normal((n, rows))
-    return unequal * (unit.mean[0] + g @ G.T + emulator + noise)
+    noise = random_state.standard_normal((n, rows))
+    noise += _from_others(problem, null, degrees.min(), noise, random_state)
+    return unequal * (unit.mean[0] + g @ G.T + emulator + sigma[:, of] * noise)
+
+
+def _from_others(
+    problem: Problem,
+    null: Fitted,
+    degrees: float,
+    noise: FloatArray,
+    random_state: np.random.RandomState,
+) -> FloatArray | float:
+    """Return what standardised rows (n, rows) have from others of their measurement.
+
+    Where correlations between outputs are estimated, the coefficients of a regression on the
+    outputs before are off, each with a variance of one over the degrees of freedom.
+    """
+    model = null.model
+    if not any(isinstance(effect, OutputCorrelation) for effect in model.effects):
+        return 0.0
+    given = model.conditional(problem.X, null.values)
+    if given is None:
+        return 0.0
+    there, k = given.members >= 0, given.members.shape[1]
+    off = np.tril(random_state.standard_normal((len(noise), k, k)), -1) / np.sqrt(degrees)
+    before = np.where(there, noise[:, given.members], 0.0) @ np.swapaxes(off, 1, 2)
+    out = np.zeros_like(noise)
+    out[:, given.members[there]] = before[:, there]
+    return out

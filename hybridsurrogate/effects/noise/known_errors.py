@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
+from numpy.typing import NDArray
 from scipy import stats
 
 from hybridsurrogate.effects.base import ERROR, UNIT_SD, Cause, Context, Declared, FloatArray, Rows
@@ -471,6 +472,62 @@ class SharedErrors(OverExperiments):
     def formula(self, values: Mapping[str, float]) -> str:
         """Return the extended simulation in words."""
         return f"simulation, measured with errors that rows of one {self.column} share"
+
+
+def correlations(
+    covariance: Any, there: NDArray[np.bool_], names: Sequence[str]
+) -> tuple[FloatArray, FloatArray]:
+    """Return standard deviations (n, k) and correlations (n, k, k) of the errors of outputs.
+
+    Parameters
+    ----------
+    covariance : array-like of shape (n, k, k), or (k, k) for all rows
+        In squared units of the outputs; of an output that was not measured anything.
+    there : ndarray of bool of shape (n, k)
+        What was measured.
+    names : sequence of str
+        Of the outputs.
+
+    Raises
+    ------
+    ValueError
+        For another shape, and for a matrix that is not finite, symmetric and positive definite.
+
+    Examples
+    --------
+    >>> sd, matrix = correlations([[4.0, 3.0], [3.0, 9.0]], np.ones((1, 2), dtype=bool), ["a", "b"])
+    >>> sd.tolist(), matrix.tolist()
+    ([[2.0, 3.0]], [[[1.0, 0.5], [0.5, 1.0]]])
+    """
+    n, k = there.shape
+    try:
+        given = np.asarray(covariance, dtype=float)
+    except (TypeError, ValueError) as error:
+        raise ValueError(f"y_err must be numbers: {error}") from error
+    if given.shape not in ((k, k), (n, k, k)):
+        raise ValueError(
+            f"y_err of shape {given.shape} is no covariance of the {k} outputs {', '.join(names)} "
+            f"in {n} rows: give shape ({k}, {k}) for all rows, or ({n}, {k}, {k})."
+        )
+    both = there[:, :, None] & there[:, None]
+    matrices = np.where(both, given, np.eye(k))
+    sd, matrix = np.empty((n, k)), np.empty((n, k, k))
+    for i, one in enumerate(matrices):
+        of = f" in row {i + 1}" if given.ndim > 2 else ""
+        try:
+            checked = _checked(one)
+        except ValueError as error:
+            raise ValueError(f"y_err{of}: {error}") from None
+        sd[i] = np.sqrt(np.diag(checked))
+        least = np.linalg.eigvalsh(checked / np.outer(sd[i], sd[i]))[0] if sd[i].all() else 0.0
+        if not least > SINGULAR:
+            raise ValueError(
+                f"y_err{of} is not positive definite: the errors of one output would follow from "
+                "those of the others. Add the variance of what each output has alone to the "
+                "diagonal."
+            )
+        matrix[i] = checked / np.outer(sd[i], sd[i])
+    return sd, matrix
 
 
 def _checked(covariance: Any) -> FloatArray:

@@ -29,6 +29,8 @@ from hybridsurrogate.types import Prior
 
 # standard deviation of the log of a ratio: one output may be read fifty times as well as another
 _RATIO_SD = 2.0
+# correlations nearer to one are singular to rounding
+_MOST_CORRELATED = 1 - 1e-9
 # beyond the measured rows, in spans: as far as curves of any shape go on
 _BEYOND = (hilbert.BOUNDARY - 1) / 2
 
@@ -83,6 +85,132 @@ class OutputNoise(Declared):
         """Return the log prior density of known ratios, of their logarithms."""
         assert self.ratios is not None
         return float(np.sum(stats.norm.logpdf(np.log(self.ratios[1:]), scale=_RATIO_SD)))
+
+
+@dataclass(eq=False, repr=False)
+class OutputCorrelation(Declared):
+    """Errors of several outputs that are correlated within a measurement; part of the data.
+
+    One dilution, one temperature or one calibration, and both outputs of a row are too high
+    together. The errors of a row are normal, each output with its own standard deviation, and their
+    correlations are estimated. A priori all correlation matrices are equally probable (Lewandowski,
+    Kurowicka and Joe 2009, Journal of Multivariate Analysis 100:1989, with eta = 1). Rows are
+    independent of each other.
+
+    Give it to an estimator, ``effects=[hs.OutputCorrelation()]``. Where the covariances are known,
+    pass these as ``y_err`` of shape (n, k, k) or (k, k) instead.
+
+    Parameters
+    ----------
+    correlation : frozen scipy.stats distribution or None, default=None
+        Prior of each partial correlation, within (-1, 1): given the outputs before both, so that
+        those of the first output, and of two outputs, are correlations. None: as above, of two
+        outputs uniform.
+    outputs : tuple of str, default=()
+        Names; empty: all.
+    fixed : tuple of float or None, default=None
+        Partial correlations that are known, in the order of `pairs`.
+    ratios : tuple of float or None, default=None
+        Standard deviations that are known, relative to the first; None: those of the other effects.
+
+    Raises
+    ------
+    ValueError
+        When a model is fitted: for a single output, and under a likelihood that is not normal on
+        its scale.
+
+    Examples
+    --------
+    >>> import numpy as np, hybridsurrogate as hs
+    >>> errors = hs.OutputCorrelation(outputs=("height", "flow"))
+    >>> errors.matrices({"correlation": np.array([0.8])}, 1).round(3).tolist()
+    [[[1.0, 0.8], [0.8, 1.0]]]
+    """
+
+    kind = "correlated-errors"
+    by_output = True
+
+    correlation: Prior | None = None
+    outputs: tuple[str, ...] = ()
+    fixed: tuple[float, ...] | None = None
+    ratios: tuple[float, ...] | None = None
+
+    def prepare(self, context: Context) -> Cause:
+        """Fill in the outputs; raise ValueError where there is one, or no normal likelihood."""
+        if len(context.outputs) < 2:
+            raise ValueError(
+                "OutputCorrelation is of the errors of several outputs, and there is one. Errors "
+                'that rows share: hs.SharedErrors("batch").'
+            )
+        if not context.gaussian:
+            raise ValueError(
+                "OutputCorrelation needs a likelihood that is normal on its scale: "
+                'likelihood="normal" or "lognormal".'
+            )
+        return self.filled(outputs=tuple(context.outputs))
+
+    @property
+    def pairs(self) -> list[tuple[int, int]]:
+        """Positions of all pairs of outputs, those of the first first."""
+        k = len(self.outputs)
+        return [(i, j) for i in range(k) for j in range(i + 1, k)]
+
+    def priors_by_name(self) -> Mapping[str, Prior]:
+        """Return the prior of each partial correlation, given the outputs before both."""
+        if self.fixed is not None:
+            return {}
+        if len(self.outputs) == 2:
+            return {"correlation": self._prior(0)}
+        names = self.outputs
+        return {
+            f"{'partial ' * (i > 0)}correlation of {names[i]} and {names[j]}": self._prior(i)
+            for i, j in self.pairs
+        }
+
+    def _prior(self, i: int) -> Prior:
+        if self.correlation is not None:
+            return self.correlation
+        shape = 1 + (len(self.outputs) - 2 - i) / 2
+        return frozen(stats.beta, shape, shape, loc=-1, scale=2)
+
+    def matrices(self, theta: Rows, n: int) -> FloatArray:
+        """Return the correlations between all outputs for n draws, (n, k, k), or (1, k, k)."""
+        values = list(self.fixed or (theta[name] for name in self.parameters))
+        k, n = len(self.outputs), n if self.fixed is None else 1
+        root: FloatArray = np.zeros((n, k, k))
+        left = np.ones((n, k))
+        for (i, j), value in zip(self.pairs, values, strict=True):
+            # as far from one as an inverse bears
+            within = np.clip(np.asarray(value), -_MOST_CORRELATED, _MOST_CORRELATED)
+            root[:, j, i] = within * np.sqrt(left[:, j])
+            left[:, j] -= root[:, j, i] ** 2
+        root[:, range(k), range(k)] = np.sqrt(left)
+        return root @ np.swapaxes(root, 1, 2)
+
+    def at_estimate(self, matrix: FloatArray, ratios: tuple[float, ...] | None) -> Cause:
+        """Return the same with known correlations (k, k) and ratios of standard deviations."""
+        root = np.linalg.cholesky(matrix)
+        left = np.maximum(1 - np.cumsum(root**2, axis=1) + root**2, np.finfo(float).tiny)
+        partial = [float(root[j, i] / np.sqrt(left[j, i])) for i, j in self.pairs]
+        return self.filled(fixed=tuple(partial), ratios=ratios)
+
+    def estimates(self, theta: Rows, coefficients: Rows) -> dict[str, FloatArray]:
+        """Return the correlation of each pair."""
+        if self.fixed is not None:
+            return {}
+        found = self.matrices(theta, len(next(iter(theta.values()))))
+        if len(self.outputs) == 2:
+            return {"correlation": found[:, 0, 1]}
+        names = self.outputs
+        return {f"correlation of {names[i]} and {names[j]}": found[:, i, j] for i, j in self.pairs}
+
+    def code(self) -> Code:
+        """Return the cause as Python."""
+        return Code("", does="nothing")
+
+    def formula(self, values: Mapping[str, float]) -> str:
+        """Return the extended simulation in words."""
+        return "simulation, measured with errors that are correlated between outputs"
 
 
 @dataclass(eq=False, repr=False)

@@ -13,8 +13,8 @@ import pandas as pd
 from numpy.typing import ArrayLike, NDArray
 from sklearn.utils import _safe_indexing
 
-from hybridsurrogate.effects.base import Cause
-from hybridsurrogate.effects.noise.known_errors import RowErrors
+from hybridsurrogate.effects.base import CORRELATION, MEASURED, MEASUREMENT, Cause
+from hybridsurrogate.effects.noise.known_errors import RowErrors, correlations
 from hybridsurrogate.exceptions import MissingMeasurementWarning, did_you_mean
 from hybridsurrogate.likelihoods import Likelihood
 from hybridsurrogate.model.rows.columns import Experiments
@@ -218,6 +218,60 @@ def name_of(y_err: Any) -> str | None:
     return name if isinstance(name, str) else None
 
 
+def is_covariance(y_err: Any, y: FloatArray) -> bool:
+    """Return whether errors of several outputs y (n, k) are covariances: (n, k, k), or (k, k).
+
+    Examples
+    --------
+    >>> is_covariance(np.eye(2), np.zeros((9, 2))), is_covariance(np.ones((9, 2)), np.zeros((9, 2)))
+    (True, False)
+    """
+    k = y.shape[-1]
+    several = y.ndim > 1 and not isinstance(y_err, pd.DataFrame)
+    return several and (np.ndim(y_err) > 2 or (np.shape(y_err) == (k, k) and len(y) != k))
+
+
+def errors_of_rows(y_err: Any, y: FloatArray) -> FloatArray:
+    """Return errors of outputs y, those of each row: in the shape of y, or (n, k, k).
+
+    Examples
+    --------
+    >>> y = np.zeros((9, 2))
+    >>> errors_of_rows(0.5, y).shape, errors_of_rows(np.eye(2), y).shape
+    ((9, 2), (9, 2, 2))
+    """
+    shape = (*y.shape, y.shape[1]) if is_covariance(y_err, y) else y.shape
+    return np.broadcast_to(as_numbers(y_err, "y_err"), shape)
+
+
+def check_covariances(
+    y_err: Any, y: FloatArray, likelihood: Likelihood, names: tuple[str, ...]
+) -> tuple[FloatArray, FloatArray | None]:
+    """Return errors in the shape of y, and correlations (n, k, k) of those of a row, or None.
+
+    Parameters
+    ----------
+    y_err : float or array-like
+        As for `check_errors`, or covariances of several outputs.
+    y, likelihood, names
+        As for `check_errors`.
+
+    Raises
+    ------
+    ValueError
+        Also for what is no covariance, and where the likelihood is not normal on its scale.
+    """
+    if not is_covariance(y_err, y):
+        return check_errors(y_err, y, likelihood, names), None
+    if not likelihood.gaussian:
+        raise ValueError(
+            "y_err is a covariance, which needs a likelihood that is normal on its scale, "
+            f'"normal" or "lognormal", not a {likelihood.name} one: give standard deviations.'
+        )
+    sd, matrices = correlations(y_err, np.isfinite(y), names)
+    return np.where(np.isfinite(y), sd, np.nan), matrices
+
+
 def check_errors(
     y_err: Any, y: FloatArray, likelihood: Likelihood, names: tuple[str, ...]
 ) -> FloatArray:
@@ -329,9 +383,15 @@ def with_new_errors(
     likelihood : Likelihood
     """
     stacking = data.stacking
-    errors = check_errors(y_err, y, likelihood, () if stacking is None else stacking.names)
+    names = () if stacking is None else stacking.names
+    k = len(names)
+    if data.carried is not None and np.shape(y_err) == (k, k) and data.carried.shape[1] > 2:
+        # as in ``fit``, however many rows these are
+        y_err = np.broadcast_to(y_err, (len(y), k, k))
+    errors, correlation = check_covariances(y_err, y, likelihood, names)
     scatter = likelihood.scatter(errors, y)
-    return with_errors(rows, scatter if stacking is None else stacking.values(scatter))
+    rows = with_errors(rows, scatter if stacking is None else stacking.values(scatter))
+    return data.as_measured(rows, correlation)
 
 
 def row_errors(
@@ -397,9 +457,11 @@ class MeasuredData:
     errors : RowErrors or None
         How rows with known errors scatter.
     y_err, scatter : ndarray of the shape of y, or None
-        Known errors in the units of y, and on the scale of eta.
+        Known errors in the units of y, or covariances (n, k, k), and errors on the scale of eta.
     error_column : str or None
         The column of a DataFrame that held them.
+    carried : ndarray of shape (n k, 2) or (n k, 2 + k), or None
+        Where errors of k outputs are correlated, what stacked rows carry: see `MEASUREMENT`.
     """
 
     X: FloatArray
@@ -418,6 +480,7 @@ class MeasuredData:
     y_err: FloatArray | None = None
     scatter: FloatArray | None = None
     error_column: str | None = None
+    carried: FloatArray | None = None
 
     def __repr__(self) -> str:
         return f"MeasuredData({len(self.X)} rows, columns: {', '.join(self.given_columns)})"
@@ -433,10 +496,60 @@ class MeasuredData:
             simulation = simulation.single_output(self.stacking.scale)
         return replace(self, simulation=simulation)
 
+    @property
+    def carried_names(self) -> tuple[str, ...]:
+        """What single rows carry after known errors."""
+        if self.carried is None:
+            return ()
+        known = range(self.carried.shape[1] - 2)
+        return MEASUREMENT, MEASURED, *(f"{CORRELATION} {k}" for k in known)
+
+    @property
+    def _usual_correlation(self) -> FloatArray:
+        """Mean of the known correlations, (k, k)."""
+        assert self.carried is not None
+        k = self.carried.shape[1] - 2
+        whole = np.isfinite(self.y).all(axis=1)
+        matrices = self.carried[:, 2:].reshape(-1, k, k)
+        return np.asarray((matrices[whole] if whole.any() else matrices).mean(axis=0))
+
+    @property
+    def usual_errors(self) -> FloatArray:
+        """Median known errors, of several outputs (k,), or their covariance (k, k)."""
+        assert self.y_err is not None
+        if self.y_err.ndim < 3:
+            return np.asarray(np.nanmedian(self.y_err, axis=0))
+        sd = np.nanmedian(np.sqrt(np.diagonal(self.y_err, axis1=1, axis2=2)), axis=0)
+        return self._usual_correlation * np.outer(sd, sd)
+
+    def as_measured(self, rows: FloatArray, correlation: FloatArray | None = None) -> FloatArray:
+        """Return stacked rows with all that those of ``fit`` carry, but for what is measured.
+
+        Without known errors and correlations (n, k, k) with usual ones.
+        """
+        if self.carried is None or self.stacking is None:
+            return rows
+        k, columns = len(self.stacking.names), [rows]
+        if self.errors is not None and rows.shape[1] == len(self.columns):
+            named = dict(zip(self.columns, rows.T, strict=True))
+            columns.append(self.errors.of_rows(named, len(rows)))
+        number = np.repeat(np.arange(len(rows) / k), k)
+        columns += [number, np.full(len(rows), np.nan)]
+        if self.carried.shape[1] > 2:
+            matrices = self._usual_correlation if correlation is None else correlation
+            shape = len(rows) // k, k, k
+            columns.append(np.broadcast_to(matrices, shape).reshape(-1, k))
+        return np.column_stack(columns)
+
+    @property
+    def measured_at(self) -> int:
+        """Position of the column `MEASURED`."""
+        return len(self.columns) + (self.errors is not None) + 1
+
     @cached_property
     def single(self) -> SingleRows:
         """What was measured, row by row."""
-        rows = _single(self.X, self.y, self.weights, self.stacking, self.scatter)
+        rows = _single(self.X, self.y, self.weights, self.stacking, self.scatter, self.carried)
         if self.left_out is None:
             return rows
         return rows._replace(weights=np.where(self.left_out, 0.0, rows.weights))
@@ -480,12 +593,14 @@ def _single(
     weights: FloatArray,
     stacking: Stacking | None,
     scatter: FloatArray | None,
+    carried: FloatArray | None = None,
 ) -> SingleRows:
     """Return rows of one output each."""
     if stacking is None:
         return SingleRows(with_errors(X, scatter), y, weights)
     values = stacking.values(y)
     long = with_errors(stacking.rows(X), None if scatter is None else stacking.values(scatter))
+    long = long if carried is None else np.column_stack([long, carried])
     there = np.isfinite(values)
     return SingleRows(long[there], values[there], np.repeat(weights, y.shape[1])[there])
 
@@ -529,4 +644,7 @@ class GivenRows(NamedTuple):
     def take(self, some: Any) -> GivenRows:
         """Return rows by their numbers or as a slice; what is none for each row stays."""
         each: list[Any] = [*self]
-        return GivenRows(*(_safe_indexing(one, some) if np.ndim(one) else one for one in each))
+        n = len(each[0])
+        return GivenRows(
+            *(_safe_indexing(one, some) if np.ndim(one) and len(one) == n else one for one in each)
+        )

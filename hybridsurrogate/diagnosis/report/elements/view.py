@@ -121,7 +121,11 @@ class View:
     def y_err(self) -> FloatArray | None:
         """Known errors of the measured outputs, None without any."""
         errors = self.result.rows.y_err
-        return None if errors is None else self.of_output(errors)[self._there]
+        if errors is None:
+            return None
+        if np.ndim(errors) > 2:
+            errors = np.sqrt(np.diagonal(errors, axis1=1, axis2=2))
+        return self.of_output(errors)[self._there]
 
     @property
     def side(self) -> NDArray[np.int_] | None:
