@@ -361,3 +361,13 @@ def test_a_diagnosis_knows_what_outputs_share(kind):
     assert np.isfinite(chosen.table["elpd"]).all()
     found.update([[3.0], [4.0]], y[:2], y_err=y_err)
     assert np.isfinite(found.score(t[:, None], y, y_err=y_err))
+
+
+def test_it_is_no_cause_to_be_searched_for():
+    y = measured(0)
+    few = all_but("step")
+    diagnosis = hs.DiscrepancyDiagnosis(
+        model_of(), causes=[hs.OutputCorrelation()], exclude=few, cv=None, random_state=0
+    )
+    with pytest.warns(hs.DiagnosisWarning, match="give it to the estimator"):
+        diagnosis.fit(T[:, None], y)

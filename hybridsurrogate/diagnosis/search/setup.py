@@ -271,6 +271,8 @@ def _lacks(cause: Cause, context: Context, problem: Problem) -> str | None:
         prepared = prepared_for(cause, context)
     except ValueError as error:
         return str(error)
+    if not prepared.acts_on and not prepared.coefficients:
+        return "it changes no prediction: give it to the estimator, as one of its effects"
     try:
         effects = (*problem.model.effects, prepared)
         check_effects(problem.model.with_effects(effects), problem.X)
