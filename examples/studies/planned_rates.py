@@ -147,17 +147,36 @@ def rows_of(path: Path, sorts: list[str], first: int, seeds: int) -> pd.DataFram
     return pd.DataFrame(lines)
 
 
+NAMES = ["predicted", "detected", "predicted_right", "right"]
+
+
 def compared(table: pd.DataFrame, by: list[str]) -> pd.DataFrame:
-    """Return predicted and found rates of groups."""
+    """Return predicted and found rates of groups, with the standard error of their difference."""
     groups = table.groupby(by, sort=True)
-    names = ["predicted", "detected", "predicted_right", "right"]
-    out = groups[names].mean()
+    out = groups[NAMES].mean()
     out.insert(0, "sets", groups.size())
-    for name in names[::2]:
-        of = {"predicted": "detected", "predicted_right": "right"}[name]
+    for name, of in (NAMES[:2], NAMES[2:]):
         gap = table[name].astype(float) - table[of].astype(float)
         out[f"error_{of}"] = gap.groupby([table[key] for key in by]).sem()
     return out
+
+
+def as_page(table: pd.DataFrame) -> str:
+    """Return predicted and found rates of each kind and size as Markdown, in percent.
+
+    Detected, and the right kind first: predicted / found of the same data sets.
+    """
+    table = table.assign(kind=table["kind"].str.partition(":")[0])
+    lines = ["| kind | data sets |" + "".join(f" {size:g} |" for size in SIZES)]
+    lines.append("| --- | ---: |" + " --- |" * len(SIZES))
+    for kind, some in [*table.groupby("kind"), ("all", table)]:
+        cells = []
+        for size in SIZES:
+            mean = some.loc[some["size"] == size, NAMES].mean() * 100
+            words = [f"{mean[a]:.0f} / {mean[b]:.0f}" for a, b in (NAMES[:2], NAMES[2:])]
+            cells.append(", ".join(words) if mean.notna().all() else "")
+        lines.append(f"| {kind} | {len(some)} | {' | '.join(cells)} |")
+    return "\n".join(lines)
 
 
 def main(argv: list[str] | None = None) -> None:
@@ -170,7 +189,7 @@ def main(argv: list[str] | None = None) -> None:
     given = asked.parse_args(argv)
     table = rows_of(given.rows, given.sorts, given.first_seed, given.seeds)
     print(compared(table, ["sort", "size"]).round(3).to_string())
-    print(compared(table, ["sort", "kind", "size"]).round(2).to_string())
+    print(as_page(table))
 
 
 if __name__ == "__main__":

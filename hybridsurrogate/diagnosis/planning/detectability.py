@@ -182,8 +182,10 @@ def detectability(
 
     Data sets with each cause are simulated at the planned rows, with parameters from their priors.
     What a diagnosis would conclude from each is computed from the closed-form evidence of all
-    causes, linearised where nothing is wrong: seconds for hundreds of data sets, where a whole
-    diagnosis of each would take hours. Other things than the causes compared are not predicted.
+    causes, linearised where nothing is wrong and, of large changes of inputs or parameters, at many
+    sizes: seconds for hundreds of data sets, where a whole diagnosis of each would take hours.
+    Rates are averages over the priors of each cause, of a wave over all periods that it may have.
+    Other things than the causes compared are not predicted, outliers among them.
 
     Parameters
     ----------
