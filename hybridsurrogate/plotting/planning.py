@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
@@ -21,6 +23,9 @@ from hybridsurrogate.plotting.style import (
 
 def plot_power(table: pd.DataFrame, ax: Axes | None = None, power: float = 0.9) -> Axes:
     """Draw how often each cause is detected, and dashed how often it is named, over its size.
+
+    Of more than six causes lines could not be followed: the colour of a tile is how often one is
+    detected, and its number how often it is named, in percent.
 
     Parameters
     ----------
@@ -43,8 +48,10 @@ def plot_power(table: pd.DataFrame, ax: Axes | None = None, power: float = 0.9) 
     >>> plot_power(table).get_ylabel()
     'share of data sets'
     """
-    ax = new_axes()[0] if ax is None else ax
     names = list(dict.fromkeys(table["cause"]))
+    if len(names) > 6:
+        return _plot_tiles(table, names, ax)
+    ax = new_axes()[0] if ax is None else ax
     for name, place in zip(names, np.linspace(0, 1, len(names)), strict=True):
         some, colour = table[table["cause"] == name], OMEGA_COLOURS(place)
         ax.plot(some["size"], some["detected"], "-o", color=colour, ms=3, label=name)
@@ -52,14 +59,30 @@ def plot_power(table: pd.DataFrame, ax: Axes | None = None, power: float = 0.9) 
     ax.axhline(power, color=QUIET, lw=0.8, ls=":")
     ax.set_xscale("log")
     ax.set_ylim(0, 1.02)
-    few = len(names) <= 6  # an Axes has room to name them
-    tidy(ax, "size, in standard deviations of the noise", "share of data sets", legend=few)
-    if not few:
-        ax.legend(loc="center left", bbox_to_anchor=(1, 0.5), fontsize="x-small", frameon=False)
+    tidy(ax, "size, in standard deviations of the noise", "share of data sets", legend=True)
     ticks = sorted(set(table["size"]))
     ax.xaxis.set_major_locator(ticker.FixedLocator(ticks))
     ax.xaxis.set_major_formatter(ticker.FuncFormatter(lambda x, _: f"{x:g}"))
     ax.xaxis.set_minor_locator(ticker.NullLocator())
+    return ax
+
+
+def _plot_tiles(table: pd.DataFrame, names: Sequence[str], ax: Axes | None) -> Axes:
+    """Draw a row of tiles for each cause, a column for each size."""
+    ax = new_axes(height=0.22 * len(names) + 0.8)[0] if ax is None else ax
+    detected, named = (
+        table.pivot_table(index="cause", columns="size", values=of).loc[list(names)]
+        for of in ("detected", "named")
+    )
+    tiles = ax.imshow(detected, cmap="Blues", vmin=0, vmax=1, aspect="auto")
+    for (row, column), value in np.ndenumerate(named.to_numpy()):
+        dark = detected.iloc[row, column] > 0.6
+        words = f"{100 * value:.0f}" if np.isfinite(value) else ""
+        ax.text(column, row, words, ha="center", va="center", color="white" if dark else DATA)
+    ax.set_yticks(range(len(names)), names, fontsize="small")
+    ax.set_xticks(range(named.shape[1]), [f"{size:g}" for size in named.columns])
+    ax.set_xlabel("size, in standard deviations of the noise; number: named, in %")
+    ax.figure.colorbar(tiles, ax=ax, label="share that is detected")
     return ax
 
 

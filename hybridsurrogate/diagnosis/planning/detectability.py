@@ -76,25 +76,47 @@ def places(
     ValueError
         Where the simulation fails at parameters all over their priors.
     """
+    task = prepared(model, X, _any_output(model, len(X)))
+    outputs = _outputs(task, as_likelihood(model.likelihood), n, random)
+    made = [place_at(model, X, eta, noise, own, exclude, random) for eta in outputs]
+    return [place for place, _ in made], made[-1][1]
+
+
+def _any_output(model: PowerScaledSurrogate, n: int) -> FloatArray:
+    """Return outputs that any likelihood accepts: the rows alone are used."""
     simulation: Any = model.simulation
     k = len(simulation.outputs)
-    likelihood = as_likelihood(model.likelihood)
-    # outputs that any likelihood accepts; the rows alone are used
-    ones = np.ones((len(X), k) if k > 1 else len(X))
-    task = prepared(model, X, ones)
-    outputs = _outputs(task, likelihood, n, random)
-    found = []
-    for eta in outputs:
-        sigma = np.tile(noise, eta.size // len(noise))[None]
-        y = likelihood.sample(eta[None], sigma, random)[0]
-        one = clone(model).set_params(n_draws=FEW_DRAWS, random_state=random.randint(2**31 - 1))
-        with warnings.catch_warnings():
-            # of data that are none, and of which nothing is reported
-            warnings.simplefilter("ignore", HybridSurrogateWarning)
-            fitted = as_given(one.fit(X, y.reshape(ones.shape)))
-        ready = prepare(fitted, own, exclude)
-        found.append(_place(ready, fitted, noise))
-    return found, ready
+    return np.ones((n, k) if k > 1 else n)
+
+
+def place_at(
+    model: PowerScaledSurrogate,
+    X: Any,
+    eta: FloatArray,
+    noise: FloatArray,
+    own: Sequence[Cause],
+    exclude: Sequence[str],
+    random: np.random.RandomState,
+) -> tuple[Place, Prepared]:
+    """Return the place of one data set in which nothing is wrong, and what is compared there.
+
+    Parameters
+    ----------
+    model, X, noise, own, exclude, random
+        As for `places`.
+    eta : ndarray of shape (n_single_rows,)
+        Rows without noise, on the scale of eta.
+    """
+    sigma = np.tile(noise, eta.size // len(noise))[None]
+    y = as_likelihood(model.likelihood).sample(eta[None], sigma, random)[0]
+    one = clone(model).set_params(n_draws=FEW_DRAWS, random_state=random.randint(2**31 - 1))
+    with warnings.catch_warnings():
+        # of data that are none, and of which nothing is reported
+        warnings.simplefilter("ignore", HybridSurrogateWarning)
+        y = y.reshape(_any_output(model, len(X)).shape)
+        fitted = as_given(one.fit(X, y))
+    ready = prepare(fitted, own, exclude)
+    return _place(ready, fitted, noise), ready
 
 
 def _outputs(
@@ -160,8 +182,10 @@ def detectability(
 
     Data sets with each cause are simulated at the planned rows, with parameters from their priors.
     What a diagnosis would conclude from each is computed from the closed-form evidence of all
-    causes, linearised where nothing is wrong: seconds for hundreds of data sets, where a whole
-    diagnosis of each would take hours. Other things than the causes compared are not predicted.
+    causes, linearised where nothing is wrong and, of large changes of inputs or parameters, at many
+    sizes: seconds for hundreds of data sets, where a whole diagnosis of each would take hours.
+    Rates are averages over the priors of each cause, of a wave over all periods that it may have.
+    Other things than the causes compared are not predicted, outliers among them.
 
     Parameters
     ----------

@@ -129,7 +129,7 @@ def _advice(result: Detectability) -> tuple[Advice, ...]:
 def _drawn(result: Detectability) -> Drawn:
     return rendered(
         [plot_power(result.table)],
-        "How often each cause would be detected (lines) and named (dashed), over its size.",
+        "How often each cause would be detected and named, over its size.",
         result.table,
     )
 
@@ -214,7 +214,8 @@ class Detectability(Reported):
         wide = some.pivot_table(
             index=["cause", "size"], columns="found", values="rate", fill_value=0.0, sort=False
         )
-        wide = wide.groupby(level="cause", sort=False).mean()
+        wide = wide.groupby(level="cause").mean()
+        wide = wide.loc[[name for name in (NOTHING, *self.curves()) if name in wide.index]]
         first = [name for name in (NOTHING, *wide.index) if name in wide.columns]
         return wide[[*dict.fromkeys([*first, *wide.columns])]]
 

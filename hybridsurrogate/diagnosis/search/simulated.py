@@ -8,7 +8,8 @@ share, the size of the shared part in that of the other.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -21,12 +22,19 @@ from hybridsurrogate.diagnosis.search.context import Fitted, SearchContext
 from hybridsurrogate.diagnosis.search.null_test import NullTest, evidence_at_null, faults_of
 from hybridsurrogate.diagnosis.search.search import Search
 from hybridsurrogate.effects.base import Cause
-from hybridsurrogate.inference.evidence.grid import Grid, make_grid, with_cells
+from hybridsurrogate.inference.evidence.grid import Grid, divided, make_grid, with_cells
 from hybridsurrogate.inference.evidence.levenberg_marquardt import REACH_SD
-from hybridsurrogate.inference.evidence.linearised import Linearised, linearised_pieces
+from hybridsurrogate.inference.evidence.linearised import (
+    Linearised,
+    linearise,
+    linearised_pieces,
+)
+from hybridsurrogate.inference.evidence.marginal_likelihood import scan
+from hybridsurrogate.inference.evidence.settings import SETTINGS
 from hybridsurrogate.model.observation import MeasuredModel
 from hybridsurrogate.model.posterior import FEW_DRAWS
 from hybridsurrogate.numerics.linear_algebra import LARGE_BLOCK, blocks
+from hybridsurrogate.simulation.arrays import LARGEST
 from hybridsurrogate.types import FloatArray
 
 
@@ -115,7 +123,9 @@ class Shapes(NamedTuple):
     Attributes
     ----------
     curves : ndarray of shape (k, n)
-        On the scale of eta, of size one where they may be scaled.
+        On the scale of eta, at the largest of their known sizes.
+    sizes : ndarray of shape (k, s)
+        In rising order: of what is linear in its size, that of the curves alone.
     factors : ndarray of shape (k, n)
         On the noise.
     smallest, largest : ndarray of shape (k,)
@@ -124,22 +134,37 @@ class Shapes(NamedTuple):
         Share of the prior.
     is_path : bool
         Whether they are noise that neighbouring rows share.
+    run : callable or None
+        Curves (m, n) of some shapes at shares (m,) of the farthest move, `_STEPS` at the sizes; far
+        out a change of the simulation leaves its tangent. None: linear.
     """
 
     curves: FloatArray
+    sizes: FloatArray
     factors: FloatArray
     smallest: FloatArray
     largest: FloatArray
     weight: FloatArray
     is_path: bool
+    run: Callable[[NDArray[np.intp], FloatArray], FloatArray] | None = None
 
     def weight_at(self, size: float) -> FloatArray:
         """Return the share (k,) of each shape among those that can have a size."""
         return self.weight * ((self.smallest <= size) & (size <= self.largest))
 
-    def at(self, index: FloatArray, size: float) -> tuple[FloatArray, FloatArray]:
+    def at(self, index: NDArray[np.intp], size: float) -> tuple[FloatArray, FloatArray]:
         """Return curves and factors of some shapes at a size, both (m, n)."""
-        curves, factors = self.curves[index] * size, self.factors[index]
+        sizes, factors = self.sizes[index], self.factors[index]
+        if self.run is None:
+            curves: FloatArray = self.curves[index] * size / sizes
+        else:
+            # a power between two steps, and linear before the first
+            row, k = np.arange(len(index)), np.argmax(sizes >= size, axis=1)
+            low, high = sizes[row, np.maximum(k - 1, 0)], sizes[row, k]
+            power = np.log(size / low) / np.log(np.where(k > 0, high / low, np.e))
+            ratio = _STEPS[k] / _STEPS[k - 1]
+            share = np.where(k > 0, _STEPS[k - 1] * ratio**power, _STEPS[0] * size / low)
+            curves = self.run(index, share)
         if self.is_path:
             shared = 1 / np.sqrt(1 + size**2)
             return curves * shared, factors * shared
@@ -166,14 +191,49 @@ def shapes_of(place: Place, cause: Cause, random: np.random.RandomState) -> Shap
     grid = _drawn(model, make_grid(model), random)
     z = grid.neutral.copy()
     z[: len(null.mode.z)] = null.mode.z
+    # a cause that changes the simulation comes in one piece
+    run = _runs(place, model, grid, z, random) if len(grid.sizes) else None
     pieces = [
-        _shapes(place, cause, parts, output_of(parts, z[grid.fixed]), random)
+        _shapes(place, cause, parts, output_of(parts, z[grid.fixed]), run, random)
         for parts in linearised_pieces(model, problem.X, place.context.emulator, grid, z)
     ]
-    curves, factors, smallest, largest, weight = (
-        np.concatenate([piece[k] for piece in pieces]) for k in range(5)
+    curves, sizes, factors, smallest, largest, weight = (
+        np.concatenate([piece[k] for piece in pieces]) for k in range(6)
     )
-    return Shapes(curves, factors, smallest, largest, weight, cause.is_correlated_noise)
+    is_path = cause.is_correlated_noise
+    return Shapes(curves, sizes, factors, smallest, largest, weight, is_path, run)
+
+
+# shares of the farthest move of a cause that changes the simulation
+_STEPS: FloatArray = np.geomspace(1 / 512, 1, 13)
+
+
+def _runs(
+    place: Place, model: MeasuredModel, grid: Grid, z: FloatArray, random: np.random.RandomState
+) -> Callable[[NDArray[np.intp], FloatArray], FloatArray]:
+    """Return what some nodes make of the simulation, sizes moved by shares of the farthest.
+
+    Zero where the simulation fails.
+    """
+    X, c = place.context.problem.X, place.context.emulator.mean
+    directions = random.standard_normal((len(grid.points), len(grid.sizes)))
+    # a parameter moves within its prior, as far as searches start
+    directions *= REACH_SD / np.max(np.abs(directions), axis=1, keepdims=True)
+
+    def output(index: NDArray[np.intp], share: FloatArray) -> FloatArray:
+        places = np.tile(z, (len(index), 1))
+        places[:, grid.sizes] += share[:, None] * directions[index]
+        values = model.values(places)
+        values[:, grid.nodes] = grid.points[index]
+        with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
+            return np.asarray(model.output(X, values, c)[0])
+
+    def run(index: NDArray[np.intp], share: FloatArray) -> FloatArray:
+        curves = output(index, share) - output(index, np.zeros(len(index)))
+        ran = (np.abs(curves) < LARGEST).all(axis=1, keepdims=True)
+        return np.where(ran, curves, 0.0)
+
+    return run
 
 
 def _drawn(model: MeasuredModel, grid: Grid, random: np.random.RandomState) -> Grid:
@@ -191,9 +251,14 @@ def _drawn(model: MeasuredModel, grid: Grid, random: np.random.RandomState) -> G
 
 
 def _shapes(
-    place: Place, cause: Cause, parts: Linearised, output: FloatArray, random: np.random.RandomState
-) -> Shapes:
-    """Return shapes, one for each node, each with a random direction of its coefficients.
+    place: Place,
+    cause: Cause,
+    parts: Linearised,
+    output: FloatArray,
+    run: Callable[[NDArray[np.intp], FloatArray], FloatArray] | None,
+    random: np.random.RandomState,
+) -> tuple[FloatArray, ...]:
+    """Return the fields of `Shapes`, one for each node, each with a random direction.
 
     ``output`` are the rows without noise at the nodes, sizes neutral: (k, n) or, of all, (1, n).
     """
@@ -203,31 +268,30 @@ def _shapes(
     if parts.noise is not None:
         relative = parts.noise if place.parts.noise is None else parts.noise / place.parts.noise
         own = np.broadcast_to(relative, (k, n))
+    near = np.exp([-_SIZE_TOLERANCE, _SIZE_TOLERANCE])
     smallest, largest = np.zeros(k), np.full(k, np.inf)
     if not q and not cause.touches_simulation:
         # noise alone: a shape has its contrast, and may be scaled a little
         contrast = np.max(own, axis=1) / np.min(own, axis=1) - 1
-        near = np.exp([-_SIZE_TOLERANCE, _SIZE_TOLERANCE])
         zero = np.zeros((k, n))
-        return Shapes(zero, own, contrast * near[0], contrast * near[1], weight, False)
-    moved = np.broadcast_to(output - place.output, (k, n))
-    direction = random.standard_normal((k, q))
-    curves = moved + np.einsum("knq,kq->kn", parts.H, direction)
-    left = place.left_of(curves)
-    size = np.sqrt(np.mean(left**2, axis=1))
-    raw = np.sqrt(np.mean((curves / place.noise) ** 2, axis=1))
-    valid = np.isfinite(size) & (size > _MIN_LEFT_SHARE * raw) & (size > 0)
-    unit = np.where(valid, size, 1.0)
-    if q:
-        # a parameter moves within its prior, as far as searches start
-        with np.errstate(divide="ignore"):
-            reach = REACH_SD * np.min(parts.cap / np.abs(direction), axis=1)
-        largest = reach * unit
+        return zero, np.ones((k, 1)), own, contrast * near[0], contrast * near[1], weight
+    if run is None:
+        curves = np.einsum("knq,kq->kn", parts.H, random.standard_normal((k, q)))
+        curves = (output - place.output + curves)[:, None]
     else:
-        smallest, largest = unit * np.exp(-_SIZE_TOLERANCE), unit * np.exp(_SIZE_TOLERANCE)
-    curves = np.where(valid[:, None], curves, 0.0) / unit[:, None]
+        curves = np.stack([run(np.arange(k), np.full(k, share)) for share in _STEPS], axis=1)
+    left = place.left_of(curves.reshape(-1, n)).reshape(curves.shape)
+    size = np.sqrt(np.mean(left**2, axis=2))
+    raw = np.sqrt(np.mean((curves[:, 0] / place.noise) ** 2, axis=1))
+    valid = np.isfinite(size[:, 0]) & (size[:, 0] > _MIN_LEFT_SHARE * raw) & (size[:, 0] > 0)
+    size = np.where(valid[:, None], np.maximum.accumulate(size, axis=1), 1.0)
+    if run is not None:
+        largest = size[:, -1]
+    elif not q:
+        smallest, largest = size[:, 0] * near[0], size[:, 0] * near[1]
+    last = np.where(valid[:, None], curves[:, -1], 0.0)
     factors = np.ones((k, n)) if cause.is_process else own
-    return Shapes(curves, factors, smallest, largest, weight * valid, False)
+    return last, size, factors, smallest, largest, weight * valid
 
 
 def hidden(
@@ -319,6 +383,9 @@ class Outcomes(NamedTuple):
 def log_evidence(place: Place, causes: Sequence[Cause], responses: FloatArray) -> FloatArray:
     """Return the log evidence of "nothing is wrong" and of causes for data sets, (m, 1 + k).
 
+    Linearised at the fit. Where something shows clearly, a change of an input or a parameter is
+    expanded at many of its sizes instead, and the grids of other causes have half the distance.
+
     Parameters
     ----------
     place : Place
@@ -328,9 +395,65 @@ def log_evidence(place: Place, causes: Sequence[Cause], responses: FloatArray) -
     model, context = place.context.problem.model, place.context
     models = [place.null.model, *(model.with_effects((*model.effects, one)) for one in causes)]
     grids = [place.null.grid, *map(make_grid, models[1:])]
-    sizes = context.sizes([place.null])
-    pairs = list(zip(models, grids, strict=True))
-    return evidence_at_null(context, place.null, pairs, responses, sizes)
+    args, sizes = (context, place.null), context.sizes([place.null])
+    evidence = evidence_at_null(*args, list(zip(models, grids, strict=True)), responses, sizes)
+    gain = evidence[:, 1:] - evidence[:, :1]
+    best = np.max(gain, axis=1)
+    for k, (cause, one, grid) in enumerate(zip(causes, models[1:], grids[1:], strict=True)):
+        # the stronger the data, the more a tangent or a coarse grid misses: up to half of the
+        # evidence of a constant at the end of its prior
+        some = np.flatnonzero((best > SETTINGS.max_behind) & (gain[:, k] > best / 3))
+        if not len(some):
+            continue
+        if "inputs" in cause.acts_on and len(grid.sizes) == 1:
+            evidence[some, 1 + k] = _expanded(place, one, grid, responses[some], sizes)
+        elif len(grid.nodes) and not grid.exact:
+            finer = [(one, divided(one, grid, 2))]
+            evidence[some, 1 + k] = evidence_at_null(*args, finer, responses[some], sizes)[:, 0]
+    return evidence
+
+
+# where the size of a change is expanded, in standard deviations of its prior, and how far around,
+# in shares of that; a tangent at the middle alone names a tenth of drifts of eight times the noise
+_PLACES, _REACH = np.geomspace(1 / 32, 2, 11), 0.25
+
+
+def _expanded(
+    place: Place, model: MeasuredModel, grid: Grid, responses: FloatArray, sizes: FloatArray
+) -> FloatArray:
+    """Return the log evidence (m,) of a cause with one size, expanded at many of its values.
+
+    The wide ones of the normal distributions of which the size's prior is a mixture are replaced
+    by narrow ones side by side, each with a tangent of its own.
+    """
+    context, null = place.context, place.null
+    args = responses, null.sigma, context.noise
+    base = grid.neutral.copy()
+    base[: len(null.mode.z)] = null.mode.z
+
+    def around(shift: float) -> Linearised:
+        z = base.copy()
+        z[grid.sizes] += shift
+        return linearise(model, context.problem.X, context.emulator, grid, z)
+
+    ratio = np.sqrt(_PLACES[1] / _PLACES[0])
+    parts, core = around(0.0), _PLACES[0] / ratio
+    scales = np.minimum(sizes / np.median(parts.H_rms[:, 0]), 1.0)
+    wide = scales > core
+    terms = [] if wide.all() else [scan(parts, *args, sizes[~wide]) + np.log(np.mean(~wide))]
+    ends = np.append(core, _PLACES * ratio)
+    mass = np.sum(np.diff(special.ndtr(ends[:, None] / scales[wide]), axis=0), axis=1)
+    inner = np.sum(2 * special.ndtr(core / scales[wide]) - 1)
+    shifts = np.concatenate([[0.0], _PLACES, -_PLACES])
+    reach = np.concatenate([[core], _REACH * _PLACES, _REACH * _PLACES])
+    shares = np.concatenate([[inner], mass, mass]) / len(scales)
+    for k in map(int, np.flatnonzero(shares > 0)):
+        parts = around(shifts[k])
+        # the size counts from here
+        mean = parts.mean + shifts[k] * parts.H_rms[:, :1] * parts.H[:, :, 0]
+        parts = replace(parts, mean=mean, cap=reach[k] * parts.cap)
+        terms.append(scan(parts, *args, np.array([np.inf])) + np.log(shares[k]))
+    return np.asarray(special.logsumexp(np.concatenate(terms, axis=1), axis=1))
 
 
 def outcomes(place: Place, responses: FloatArray) -> Outcomes:
@@ -428,7 +551,9 @@ def _change_at(forms: Sequence[tuple[Cause, Shapes]], sizes: FloatArray, rate: F
     A step of some height has many sizes, as the parameters follow one place more than another: its
     rate is the average of those at these sizes.
     """
-    peak = np.concatenate([np.max(np.abs(one.curves), axis=1) for _, one in forms])
+    peak = np.concatenate(
+        [np.max(np.abs(one.curves), axis=1) / one.sizes[:, -1] for _, one in forms]
+    )
     odds = prior_odds([cause for cause, _ in forms])
     weight = np.concatenate([k * one.weight for k, (_, one) in zip(odds, forms, strict=True)])
     peak, weight = peak[weight * peak > 0], weight[weight * peak > 0]

@@ -165,19 +165,28 @@ def refine(model: MeasuredModel, grid: Grid, log_evidence: FloatArray) -> Grid:
         return grid
     split = density > density.max() - 30.0
     split &= np.argsort(np.argsort(-density)) < SETTINGS.max_split
-    pieces, weight = grid.edges[split], grid.log_weight[split]
-    for k in range(len(grid.nodes)):
-        borders = np.linspace(pieces[:, k, 0], pieces[:, k, 1], 4, axis=1)
-        pieces = np.repeat(pieces, 3, axis=0)
-        pieces[:, k, 0], pieces[:, k, 1] = borders[:, :-1].ravel(), borders[:, 1:].ravel()
-    of_pieces = _log_mass(model, grid, pieces).reshape(len(weight), -1)
-    of_pieces += (weight - np.logaddexp.reduce(of_pieces, axis=1))[:, None]
+    finer = divided(model, grid.at(np.flatnonzero(split)), 3)
     kept = ~split & (density > density.max() - SETTINGS.cell_margin)
     return with_cells(
         grid,
-        np.concatenate([grid.edges[kept], pieces]),
-        np.concatenate([grid.log_weight[kept], of_pieces.ravel()]),
+        np.concatenate([grid.edges[kept], finer.edges]),
+        np.concatenate([grid.log_weight[kept], finer.log_weight]),
     )
+
+
+def divided(model: MeasuredModel, grid: Grid, ways: int) -> Grid:
+    """Return the grid with every cell cut so many ways along every axis.
+
+    The pieces of a cell share its prior mass.
+    """
+    edges = grid.edges
+    for k in range(len(grid.nodes)):
+        borders = np.linspace(edges[:, k, 0], edges[:, k, 1], 1 + ways, axis=1)
+        edges = np.repeat(edges, ways, axis=0)
+        edges[:, k, 0], edges[:, k, 1] = borders[:, :-1].ravel(), borders[:, 1:].ravel()
+    log_mass = _log_mass(model, grid, edges).reshape(len(grid.points), -1)
+    log_mass += (grid.log_weight - np.logaddexp.reduce(log_mass, axis=1))[:, None]
+    return with_cells(grid, edges, log_mass.ravel())
 
 
 def best_levels(grid: Grid, log_evidence: FloatArray) -> FloatArray:

@@ -7,6 +7,8 @@ from few_kinds import all_but
 from scipy.stats import halfnorm, loguniform, norm, uniform
 
 import hybridsurrogate as hs
+from hybridsurrogate.diagnosis.planning.detectability import place_at
+from hybridsurrogate.diagnosis.search.simulated import log_evidence
 
 NOISE = 0.2
 T = np.linspace(0, 10, 40)
@@ -59,7 +61,9 @@ def test_false_alarms_have_their_rate(found):
 def test_the_confusion_matrix_has_all_data_sets(found):
     for size in (None, 1.0):
         matrix = found.confusion(size)
-        assert matrix.index[0] == matrix.columns[0] == "none"
+        # in the order in which causes were given
+        assert list(matrix.index) == ["none", "step", "periodic", "noise"]
+        assert [name for name in matrix.columns if name in matrix.index] == list(matrix.index)
         np.testing.assert_allclose(matrix.sum(axis=1), 1.0)
     right = found.table.set_index(["cause", "size"])["right"]
     assert found.confusion(1.0).loc["step", "step"] == pytest.approx(right["step", 1.0])
@@ -221,6 +225,48 @@ def test_noise_from_the_prior_counts_and_several_outputs():
     two = hs.PowerScaledSurrogate(both, surrogate=hs.ExactSurrogate())
     seen = hs.detectability(two, T[:, None], noise=[0.1, 0.3], **settings).curves()["step"]
     assert seen[0.2] < 0.5 < seen[4.0]
+
+
+def test_a_grid_is_fine_enough_for_what_shows_clearly():
+    """Where an episode begins and ends is known to a row: it is no step, and no noise."""
+    few = hs.detectability(
+        model_of(),
+        T[:, None],
+        causes=["episode"],
+        sizes=[8.0],
+        noise=NOISE,
+        exclude=all_but("episode", "bump", "noise", "step"),
+        random_state=0,
+    )
+    assert few.table["right"].iloc[0] > 0.9
+
+
+def uptake(s, half):
+    return 10 * s / (half + s)
+
+
+@pytest.mark.filterwarnings("ignore::hybridsurrogate.HybridSurrogateWarning")
+@pytest.mark.parametrize("change", [-2.0, 2.0])
+def test_the_evidence_for_a_large_drift_is_that_of_the_search(change):
+    """Of 80 to 95 nats, though the drift leaves its tangent by several times the noise."""
+    s, noise = np.linspace(0.1, 20, 40), 0.05
+    few = all_but("parameter-drift", "trend", "gain")
+    simulator = hs.Simulator(
+        uptake, inputs={"s": (0.1, 20)}, parameters={"half": hs.truncated_normal(3, 1, 0.5, 8)}
+    )
+    model = hs.PowerScaledSurrogate(simulator, surrogate=hs.ExactSurrogate(), random_state=0)
+    y = uptake(s, 4 + change * (s - 10) / 10)
+    y = y + noise * np.random.default_rng(0).standard_normal(40)
+    settings = {"exclude": few, "cv": None, "n_replicates": 19, "random_state": 0}
+    search = hs.DiscrepancyDiagnosis(model, **settings).fit(s[:, None], y).search_
+    random = np.random.RandomState(0)
+    place, _ = place_at(model, s[:, None], uptake(s, 4.0), np.array([noise]), (), few, random)
+    drift = next(c for c in place.causes if c.variant == "linear over s")
+    none, found = log_evidence(place, [drift], y[None])[0]
+    (there,) = (w for w in search.candidates[1:] if w.cause.variant == drift.variant)
+    # to first order: a tangent at no drift misses most of them
+    expected = there.log_evidence - search.candidates[0].log_evidence
+    assert found - none == pytest.approx(expected, abs=6)
 
 
 # of a hundred sets some are taken for a trend, next to a slope
