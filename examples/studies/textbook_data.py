@@ -86,7 +86,8 @@ def judged(data: TextbookSet, diagnosis: hs.DiscrepancyDiagnosis) -> str:
     if verdict in ("adequate", "undecided"):
         return "not seen"
     best_form = diagnosis.causes_.groupby("kind", sort=False)["form"].first()
-    if {best.kind, best_form[best.kind]} & set(data.kinds):
+    others = {found.kind for found in diagnosis.found_causes_}
+    if {best.kind, best_form[best.kind], *others} & set(data.kinds):
         return "leads" if verdict == "ambiguous" else "found"
     alike = {form for kind in diagnosis.indistinguishable_ for form in (kind, best_form[kind])}
     return "in set" if alike & set(data.kinds) else "no"
