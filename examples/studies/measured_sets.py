@@ -116,7 +116,8 @@ SETS = (
         remark="a sensor that bends comes first, and fits distances up to 3 as well; so does an "
         "offset (training RMSE 3.67, the documented factor 3.70), and both do worse beyond. With "
         "relative noise instead and without the bend beam spreading led (0.70), but measurements "
-        "that were repeated show noise between the two.",
+        "that were repeated show noise between the two. Errors of the distance and two wild rows "
+        "are found in addition, and predict distances beyond better (+0.50 instead of +0.32).",
     ),
     DataSet(
         "insulation", "whiteside_insulation.csv",
@@ -133,9 +134,10 @@ SETS = (
         "the treatment changes the fastest rate",
         (hs.ParameterDrift("fastest", "treated"),), "fastest +42", "16.33 -> 7.71",
         load=lambda f: f.assign(treated=(f["state"] == "treated").astype(float)),
-        remark="twelve rows: the documented cause has the largest evidence, but as one of six "
-        "drifts a small share of the odds; by hand, least squares and BIC choose an effect of the "
-        "treatment.",
+        remark="twelve rows: an offset comes first, and given it the treatment changes the fastest "
+        "rate by 47 to 65. Alone the documented cause has the largest evidence, but as one of six "
+        "drifts a small share of the odds. Two causes and two parameters are many for twelve rows: "
+        "90 % intervals hold 55 % of eleven others, those of one cause all.",
     ),
     DataSet(
         "indomethacin", "indomethacin_iv.csv", {"time_h": "hours"}, "conc_ug_ml",
@@ -164,8 +166,9 @@ SETS = (
         "measles", "measles_us_states.csv", {"year": "year"}, "rate_per_100k", made.measles,
         lambda f: f["year"] <= 1975, "vaccine since 1963, exponential fall", (hs.Loss("year"),),
         "location 1963, scale 2.2", "274 -> 7.19", load=national,
-        remark="absolute noise, as in INDEX; with relative noise a jump in 1966 comes first, as "
-        "cases fell no further after 1968.",
+        remark="absolute noise, as in INDEX: a search for one cause finds the documented fall "
+        "(ramp, 0.82; +1.33 ± 0.02 beyond), with residuals unlike noise, since the noise grows with "
+        "the cases. Given such noise a mean that falls from year to year comes first.",
     ),
     DataSet(
         "supernovae", "supernova_union21.csv", {"z": "z", "mu_err": "error"}, "mu",
@@ -183,8 +186,9 @@ SETS = (
         "fall from 0.28 to 0.02-0.07 after day 14", "143 -> 45.89", likelihood="lognormal",
         remark="nearly all are susceptible, and only their product with the contact rate counts: "
         "susceptibles who leave (at home) and contacts that fall exponentially are one curve, "
-        "held-out RMSE 88.0 and 87.9. "
-        "With 60 days instead of 45 a logistic fall of contacts is named alone "
+        "held-out RMSE 88.0 and 87.9, and a search for one cause finds the former. Given noise that "
+        "changes it is the latter, as documented: 90 % intervals hold 72 instead of 45 % of the "
+        "rows. With 60 days instead of 45 a logistic fall of contacts is named alone "
         "(`examples/plot_italy.py`).",
     ),
     DataSet(
