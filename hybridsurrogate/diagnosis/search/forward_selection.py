@@ -155,7 +155,7 @@ def _one_after_the_other(
             steps.append(SearchStep(result, test, chosen, result, tried))
             if conditional is None:
                 return steps
-            causes, result = _others(causes, chosen), conditional
+            causes, result = _others(causes, chosen.cause), conditional
     except KeyboardInterrupt as stop:
         kept = steps[0].search if steps else result or getattr(stop, "kept", None)
         raise InterruptedSearch(kept) from stop
@@ -215,9 +215,8 @@ def _without(left_out: Candidate, joint: SearchStep, causes: Sequence[Cause]) ->
     grid = make_grid(model.with_effects([*others, Nothing()]))
     mode = fit.mode._replace(z=context.places_of(fit)[0][order])
     accepted = Candidate(None, Fitted(model, grid, mode, fit.sigma), 0.0)
-    alternatives = [cause for cause in causes if all(cause is not other for other in others)]
     given = context.at(replace(context.problem, model=model))
-    return with_processes(search(given, alternatives, accepted))
+    return with_processes(search(given, _others(causes, *others), accepted))
 
 
 def _with_correlated_noise(
@@ -339,13 +338,13 @@ def _look_ahead(
     while waiting:
         k = waiting.pop(0)
         first = result.candidates[k]
-        second = _search_given(result, _others(causes, first), first, nearby)
+        second = _search_given(result, _others(causes, first.cause), first, nearby)
         alone = log_prior[k] + first.log_evidence
         # where all is explained, there is nothing to place in addition to the first
         left = in_doubt or second.probability[0] < 0.5
         within = max(values.values(), default=-np.inf) - SETTINGS.max_behind
         if left and alone + _evidence_of_others(second) > within:
-            known = _nearby(second.problem.model, _others(causes, first), nearby)
+            known = _nearby(second.problem.model, _others(causes, first.cause), nearby)
             second = placed_together(result, first, second, known)
         made[k], values[k] = second, alone + _evidence_of_others(second)
         if not waiting:
@@ -384,7 +383,7 @@ def _pairs_elsewhere(
     values = {}
     for k in named:
         first = whole.candidates[k]
-        given = _nearby(first.fit.model, _others(causes, result.candidates[k]), nearby)
+        given = _nearby(first.fit.model, _others(causes, result.candidates[k].cause), nearby)
         if given is not None:
             values[k] = log_prior[k] + first.log_evidence + _evidence_of_others(given)
     return values
@@ -404,8 +403,19 @@ def _second(conditional: Search) -> Candidate:
     return conditional.candidates[int(np.argmax(conditional.probability))]
 
 
-def _others(causes: Sequence[Cause], chosen: Candidate) -> list[Cause]:
-    return [cause for cause in causes if cause is not chosen.cause]
+def _others(causes: Sequence[Cause], *accepted: Cause | None) -> list[Cause]:
+    """Return the causes that may be found given accepted ones."""
+    given = [cause for cause in accepted if cause is not None]
+    return [c for c in causes if not any(c is one or _share_a_curve(c, one) for one in given)]
+
+
+def _share_a_curve(one: Cause, other: Cause) -> bool:
+    """Return whether two causes are sums of fixed curves over one column, such as a line in both.
+
+    A viscous friction of 204 became -7683, and 7882 of a parabola.
+    """
+    fixed = (c.coefficients and not c.parameters and not c.is_process for c in (one, other))
+    return (one.kind, one.target) == (other.kind, other.target) and all(fixed)
 
 
 def ends_search(candidate: Candidate) -> bool:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pandas as pd
 import pytest
 from few_kinds import all_but
 
@@ -46,8 +47,10 @@ def test_two_faults_are_found_without_being_asked_for():
 @pytest.mark.filterwarnings("ignore:.*doubtful draws:hybridsurrogate.DiagnosisWarning")
 def test_folds_hold_as_many_causes_as_all_rows():
     both = diagnosed(measured(0.9, 0.4), cv=2)
-    alone = diagnosed(measured(0.9, 0.4), cv=2, max_causes=1)
-    assert both.gain_.elpd_difference > alone.gain_.elpd_difference
+    # with half of the rows one fold may find something else
+    assert "periodic + step" in both.gain_.kinds
+    alone = diagnosed(measured(0.9, 0.0), cv=2)
+    assert set(alone.gain_.kinds) == {"step"}
 
 
 @pytest.mark.parametrize(("step", "found"), [(0.9, "step"), (0.0, "none")])
@@ -57,3 +60,19 @@ def test_where_one_is_enough_none_is_searched_beside_it(step, found, monkeypatch
 
     monkeypatch.setattr(forward_selection, "_look_ahead", searched)
     assert [one.kind for one in diagnosed(measured(step, 0.0)).found_causes_] == [found]
+
+
+def test_two_forms_that_share_a_curve_are_not_both_found():
+    """A friction that also grows with the square: its viscous part is none of a parabola's."""
+    rng = np.random.default_rng(0)
+    velocity = rng.uniform(-1, 1, len(T))
+    y = measured(0.0, 0.0) + 2.0 * velocity + 0.5 * np.sign(velocity) + 3.0 * velocity**2
+    model = hs.PowerScaledSurrogate(
+        DECAY, surrogate=hs.ExactSurrogate(), n_draws=200, random_state=0
+    )
+    few = all_but("missing-input", "unexplained", "step")
+    diagnosis = hs.DiscrepancyDiagnosis(
+        model, exclude=few, cv=None, max_causes=2, n_replicates=50, random_state=0
+    )
+    found = diagnosis.fit(pd.DataFrame({"t": T, "velocity": velocity}), y).found_causes_
+    assert [one.kind for one in found].count("missing-input") == 1
