@@ -108,7 +108,9 @@ MORE_SETS = (
         likelihood="lognormal",
         remark="casualties fall by 5 % a year, in front and in the rear "
         "alike, which the traffic and the price of petrol do not say with these priors; INDEX fits "
-        "both elasticities freely. Eleven months with the law are in the training rows.",
+        "both elasticities freely. Eleven months with the law are in the training rows. Alone a "
+        "trend comes first (0.70); it leaves residuals unlike noise, and of two causes the step is "
+        "one, -31 % (-35 to -27).",
     ),
     DataSet(
         "rear-seats", "more/uk_seatbelts.csv",
