@@ -63,7 +63,8 @@ MORE_SETS = (
         (hs.DynamicTerm("upper", "threshold"),), "level 4.8", "0.6688 -> 0.5375",
         by_catalogue=(hs.Limit(),), load=recorded, every=8,
         remark="the second record has the clock of the first: an episode of two minutes that was "
-        "found in the first goes over to it, where nothing of the kind happens.",
+        "found in the first goes over to it, where nothing of the kind happens. Since another record "
+        "counts as far away it loses 0.59 a row, 2.78 before.",
     ),
     DataSet(
         "adsorption", "more/nist_misra1a.csv", {"pressure": "pressure"}, "volume", made.henry,
