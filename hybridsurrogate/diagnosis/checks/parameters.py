@@ -40,7 +40,7 @@ class Settings:
     false_alarm_rate : float
     n_replicates : int
     cv : int or None
-    max_causes : int
+    max_causes : int or None
     n_jobs : int or None
     random_state : int, RandomState or None
     progress : bool

@@ -511,22 +511,24 @@ def correlations(
         )
     both = there[:, :, None] & there[:, None]
     matrices = np.where(both, given, np.eye(k))
-    sd, matrix = np.empty((n, k)), np.empty((n, k, k))
-    for i, one in enumerate(matrices):
+    finite = np.isfinite(matrices).all(axis=(1, 2))
+    safe = np.where(finite[:, None, None], matrices, np.eye(k))
+    gap = np.abs(safe - np.swapaxes(safe, 1, 2))
+    symmetric = (gap <= NEGLIGIBLE * np.abs(safe).max(axis=(1, 2), keepdims=True)).all(axis=(1, 2))
+    sd = np.sqrt(np.maximum(np.diagonal(safe, axis1=1, axis2=2), 0.0))
+    unit = np.where(sd > 0, sd, 1.0)
+    matrix = (safe + np.swapaxes(safe, 1, 2)) / 2 / unit[:, :, None] / unit[:, None]
+    definite = (sd > 0).all(axis=1) & (np.linalg.eigvalsh(matrix)[:, 0] > SINGULAR)
+    for i in map(int, np.flatnonzero(~(finite & symmetric & definite))[:1]):
         of = f" in row {i + 1}" if given.ndim > 2 else ""
         try:
-            checked = _checked(one)
+            _checked(matrices[i])
         except ValueError as error:
             raise ValueError(f"y_err{of}: {error}") from None
-        sd[i] = np.sqrt(np.diag(checked))
-        least = np.linalg.eigvalsh(checked / np.outer(sd[i], sd[i]))[0] if sd[i].all() else 0.0
-        if not least > SINGULAR:
-            raise ValueError(
-                f"y_err{of} is not positive definite: the errors of one output would follow from "
-                "those of the others. Add the variance of what each output has alone to the "
-                "diagonal."
-            )
-        matrix[i] = checked / np.outer(sd[i], sd[i])
+        raise ValueError(
+            f"y_err{of} is not positive definite: the errors of one output would follow from those "
+            "of the others. Add the variance of what each output has alone to the diagonal."
+        )
     return sd, matrix
 
 
