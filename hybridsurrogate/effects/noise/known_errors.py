@@ -512,7 +512,7 @@ def correlations(
     both = there[:, :, None] & there[:, None]
     matrices = np.where(both, given, np.eye(k))
     finite = np.isfinite(matrices.reshape(n, -1)).all(axis=1)
-    safe = np.where(finite[:, None, None], matrices, np.eye(k))
+    safe = np.where(finite.reshape(n, 1, 1), matrices, np.eye(k))
     gap = np.abs(safe - np.swapaxes(safe, 1, 2))
     symmetric = (gap <= NEGLIGIBLE * np.abs(safe).max(axis=(1, 2), keepdims=True)).all(axis=(1, 2))
     sd = np.sqrt(np.maximum(np.diagonal(safe, axis1=1, axis2=2), 0.0))
