@@ -163,12 +163,11 @@ def _diagnose(case: Case, task: Task) -> hs.DiscrepancyDiagnosis:
         n_draws=_DRAWS,
         random_state=task.seed,
     )
-    n_causes, kind = 1 + task.kind.count("+"), task.kind.partition(":")[0]
+    kind = task.kind.partition(":")[0]
     diagnosis = hs.DiscrepancyDiagnosis(
         model,
         exclude=(kind,) if task.outside and kind != "foreign" else (),
         cv=None,
-        max_causes=n_causes,
         random_state=task.seed,
     )
     with warnings.catch_warnings():

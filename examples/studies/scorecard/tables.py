@@ -85,6 +85,7 @@ def judged(table: pd.DataFrame) -> pd.DataFrame:
     truth = [set(kind.split("+")) for kind in table["kind"]]
     named = [set(cell.split("|")) if cell else set() for cell in table["several"]]
     table["n_right"] = [len(a & b) for a, b in zip(truth, named, strict=True)]
+    table["named_further"] = [len(cell) > 1 for cell in named]
     table["n_wrong"] = [len(b - a - {"none"}) for a, b in zip(truth, named, strict=True)]
     return table
 
@@ -125,6 +126,7 @@ def rates(table: pd.DataFrame, by: str | Sequence[str]) -> pd.DataFrame:
         same=("same", "mean"),
         covered=("covered", "mean"),
         set_size=("set_size", "mean"),
+        further_cause=("named_further", "mean"),
         seconds=("seconds", "median"),
     )
     curves = found[~found["word"].isin(_NO_CURVE)].groupby(by, observed=True)["ratio"]
