@@ -21,7 +21,6 @@ from hybridsurrogate.inference.evidence.settings import SETTINGS
 from hybridsurrogate.model.observation import MeasuredModel
 from hybridsurrogate.model.problem import Problem
 from hybridsurrogate.model.statistics import EmulatorPosterior
-from hybridsurrogate.scoring.scores import COVERAGE_LEVEL
 
 # rows that are searched first where there are at least twice as many: 0.5 to 0.7 of the time of
 # 2,500 rows with a cause, 1.2 to 1.3 without one; the same verdicts in 16 data sets of 8 kinds
@@ -318,48 +317,30 @@ def _look_ahead(
     order = [at, *(int(k) for k in np.argsort(-explained) if k != at)]
     named = [k for k in order if not ends_search(result.candidates[k])]
     position = {id(result.candidates[k].cause): k for k in named}
-    waiting = named[: SETTINGS.max_pair_searches]
-    if (
-        not ends_search(first_choice)
-        # alone in its credible set
-        and result.probability[at] > COVERAGE_LEVEL
-        and result.remainder[at] < 0.5
-        # such noise imitates a second cause
-        and result.correlated[at] < 0.5
-    ):
-        waiting = [at]
-    elsewhere = _pairs_elsewhere(result, causes, named, nearby)
-    if elsewhere:
-        within = max(elsewhere.values()) - SETTINGS.max_behind
-        waiting = [k for k in waiting if k == at or elsewhere.get(k, np.inf) > within]
-    in_doubt = len(waiting) > 1
+    waiting = named[:1]
     made: dict[int, Search] = {}
     values: dict[int, float] = {}
     while waiting:
-        k = waiting.pop(0)
+        k = waiting.pop()
         first = result.candidates[k]
         second = _search_given(result, _others(causes, first.cause), first, nearby)
         alone = log_prior[k] + first.log_evidence
         # where all is explained, there is nothing to place in addition to the first
-        left = in_doubt or second.probability[0] < 0.5
         within = max(values.values(), default=-np.inf) - SETTINGS.max_behind
-        if left and alone + _evidence_of_others(second) > within:
+        if second.probability[0] < 0.5 and alone + _evidence_of_others(second) > within:
             known = _nearby(second.problem.model, _others(causes, first.cause), nearby)
             second = placed_together(result, first, second, known)
         made[k], values[k] = second, alone + _evidence_of_others(second)
-        if not waiting:
-            # the other half of the best pair has its turn as the first, until none is new
-            best = max(values, key=lambda k: values[k])
-            other = position.get(id(_second(made[best]).cause))
-            waiting = [other] if other is not None and other not in made else []
+        # the other half of the best pair has its turn as the first, until none is new
+        best = max(values, key=lambda k: values[k])
+        other = position.get(id(_second(made[best]).cause))
+        waiting = [other] if other is not None and other not in made else []
     tried = tuple(made.values())
     if not values:
         return first_choice, None, tried
-    best = max(values, key=lambda k: values[k])
     if ends_search(first_choice) and log_prior[at] + first_choice.log_evidence > values[best]:
         return first_choice, None, tried
     # of two that name each other, the one that explains more alone comes first
-    other = position.get(id(_second(made[best]).cause))
     if other in made and _second(made[other]).cause is result.candidates[best].cause:
         best = max(best, other, key=lambda k: result.probability[k])
     last = _second(made[best])
@@ -370,23 +351,6 @@ def _look_ahead(
         best = at
     chosen = made[best]
     return result.candidates[best], scored(with_processes(chosen, thorough)), tried
-
-
-def _pairs_elsewhere(
-    result: Search, causes: Sequence[Cause], named: Sequence[int], nearby: Sequence[Search]
-) -> dict[int, float]:
-    """Return what first causes explained with their second ones in other rows, of those tried."""
-    whole = _nearby(result.problem.model, causes, nearby)
-    if whole is None:
-        return {}
-    log_prior = np.log(prior_of(whole.candidates))
-    values = {}
-    for k in named:
-        first = whole.candidates[k]
-        given = _nearby(first.fit.model, _others(causes, result.candidates[k].cause), nearby)
-        if given is not None:
-            values[k] = log_prior[k] + first.log_evidence + _evidence_of_others(given)
-    return values
 
 
 def _evidence_of_others(conditional: Search) -> float:

@@ -54,8 +54,6 @@ class SearchSettings:
         Causes that are compared once more, those that explain most: given correlated noise, scored
         by importance sampling, and second ones refitted together with a first. Such refits name
         both of 77 instead of 69 % of pairs (48 of size 2, 80 rows).
-    max_pair_searches : int
-        First causes for which the best second causes are searched.
     alternation_rounds : int
         Rounds in which each of several causes may give way to a better one. With the probability
         of each conditional on the others, 37 instead of 12 of these 48 pairs are "named", 89 and
@@ -94,7 +92,6 @@ class SearchSettings:
     converged_gain: float = 0.01
     max_followed: int = 16
     max_compared: int = 8
-    max_pair_searches: int = 4
     alternation_rounds: int = 2
     naming_level: float = 0.75
     optimiser_steps: int = 25
