@@ -76,3 +76,45 @@ def test_two_forms_that_share_a_curve_are_not_both_found():
     )
     found = diagnosis.fit(pd.DataFrame({"t": T, "velocity": velocity}), y).found_causes_
     assert [one.kind for one in found].count("missing-input") == 1
+
+
+def line_with_wild_rows(seed, step, n_wild):
+    rng = np.random.default_rng(seed)
+    x, day = np.sort(rng.uniform(0, 10, 80)), rng.permutation(np.arange(80.0))
+    y = 5 + x + step * (day > 40) + 0.25 * rng.standard_normal(80)
+    wild = rng.choice(80, n_wild, replace=False)
+    y[wild] += rng.choice([-1, 1], n_wild) * rng.uniform(6, 14, n_wild)
+    simulator = hs.Simulator(
+        lambda x, start, slope: start + slope * x,
+        inputs={"x": (0, 10)},
+        parameters={
+            "start": hs.truncated_normal(5, 3, -5, 15),
+            "slope": hs.truncated_normal(1, 0.5, -1, 3),
+        },
+    )
+    model = hs.PowerScaledSurrogate(simulator, n_draws=200, random_state=0)
+    causes = all_but("step", "periodic", "noise", "gross-error", "unexplained")
+    diagnosis = hs.DiscrepancyDiagnosis(
+        model, cv=None, exclude=causes, n_replicates=50, random_state=0
+    )
+    return diagnosis.fit(pd.DataFrame({"x": x, "day": day}), y)
+
+
+def test_wild_rows_do_not_hide_what_the_simulation_lacks():
+    found = line_with_wild_rows(1, step=2.0, n_wild=5)
+    assert [(one.kind, one.target) for one in found.found_causes_] == [
+        ("step", "day"),
+        ("noise", None),
+    ]
+    low, high = found.found_causes_[0].estimates["location"][1:]
+    assert low <= 41
+    assert high >= 40
+    low, high = found.found_causes_[0].estimates["amplitude"][1:]
+    assert low < 2.0 < high
+    assert "stands" not in str(found.report())
+
+
+def test_wild_rows_alone_are_outliers():
+    alone = line_with_wild_rows(1, step=0.0, n_wild=5)
+    assert [(one.kind, one.target) for one in alone.found_causes_] == [("noise", None)]
+    assert "The mean of the simulation stands" in str(alone.report())

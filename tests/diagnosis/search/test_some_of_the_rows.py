@@ -10,7 +10,7 @@ from scipy.stats import norm, uniform
 
 import hybridsurrogate as hs
 from hybridsurrogate.diagnosis.search.context import SearchContext
-from hybridsurrogate.diagnosis.search.forward_selection import _pairs_elsewhere, forward_search
+from hybridsurrogate.diagnosis.search.forward_selection import forward_search
 from hybridsurrogate.diagnosis.search.forward_selection import searches as searches_of
 from hybridsurrogate.diagnosis.search.search import search
 from hybridsurrogate.diagnosis.search.setup import prepare, trained_emulator
@@ -124,8 +124,8 @@ def test_what_was_far_behind_in_all_rows_is_not_compared(searches):
     assert (near.probability[left_out] == 0).all()
 
 
-def test_no_second_cause_is_looked_for_given_one_whose_pairs_were_far_behind():
-    """In four of five rows: first causes tried in all rows, and more than twelve nats behind."""
+def test_few_first_causes_are_tried_for_a_second_one():
+    """In all rows, and in four of five of them."""
     rng = np.random.default_rng(5)
     t = np.sort(rng.uniform(0, 20, 50))
     simulator = hs.Simulator(
@@ -147,14 +147,7 @@ def test_no_second_cause_is_looked_for_given_one_whose_pairs_were_far_behind():
         steps = forward_search(problem, causes, emulator, 2, 0.05, None, random, known)
         known = known or searches_of(steps)
         found.append(steps)
-    whole, some = found
-    assert {step.chosen.kind for step in some} == {"step", "periodic"}
-    candidates = whole[0].search.candidates
-    values = _pairs_elsewhere(some[0].search, causes, range(1, len(candidates)), known)
-    far = {candidates[k].cause.name for k in values if values[k] < max(values.values()) - REACH}
-    # the most probable one has its turn, and so has the other half of the best pair
-    always = {step.chosen.cause.name for step in some}
-    always.add(some[0].search.candidates[some[0].search.leader].cause.name)
-    assert far - always
-    tried = {one.problem.model.effects[-1].name for one in some[0].tried}
-    assert tried.isdisjoint(far - always)
+    for steps in found:
+        assert {step.chosen.kind for step in steps} == {"step", "periodic"}
+        # two leading causes and the partner of the better one have their turn as the first one
+        assert 2 <= len(steps[0].tried) <= 3
