@@ -233,11 +233,6 @@ def _by_proposals(
     return _drawn(problem, *drawn, "importance", random_state)
 
 
-# coefficient draws that show where proposals have to move: with all of them, as good ones take 1 s
-# more
-_LOOKED_AT = 100
-
-
 class _Weighted(NamedTuple):
     """Nodes u (J, d), and of each with each coefficient draw (J, S) log density and share.
 
@@ -291,8 +286,8 @@ def _weighted(
         u, log_volume = plain(points)
         log_proposal = mixture_log_density(components, points) - log_volume
         given = main_directions(problem, u[:, :-1], sigma)
-        some = SharedDraws(given.c[:: max(1, len(given.c) // _LOOKED_AT)])
-        log_weight = _log_density(given, u, some) - log_proposal[:, None]
+        log_density = _log_density(given, u, given.draws)
+        log_weight = log_density - log_proposal[:, None]
         share = node_shares(log_weight)
         khat, effective = quality(log_weight, share, 25)
         enough = effective > SETTINGS.min_effective_share * n and khat <= KHAT_LIMIT
@@ -306,10 +301,7 @@ def _weighted(
             # and bends
             components += bent(points, weight, [moved])
             n = MOST_PROPOSALS
-    log_density = _log_density(given, u, given.draws)
-    log_weight = log_density - log_proposal[:, None]
-    share = node_shares(log_weight)
-    return _Weighted(u, log_density, log_proposal, share, *quality(log_weight, share, 25))
+    return _Weighted(u, log_density, log_proposal, share, khat, effective)
 
 
 def _as_is(points: FloatArray) -> tuple[FloatArray, FloatArray]:
