@@ -50,7 +50,7 @@ def compare(given: argparse.Namespace) -> int:
             models,
             first.X,
             first.y,
-            y_err=list(given.errors) or None,
+            y_err=first.y_err,
             diagnose=not given.no_diagnosis,
             cv=given.folds,
             max_causes=given.max_causes,

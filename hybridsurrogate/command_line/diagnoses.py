@@ -77,7 +77,7 @@ def _diagnosed(
         progress=not given.quiet,
     )
     with stage("Search", given, shown=False):
-        diagnosis.fit(study.X, study.y, y_err=list(getattr(given, "errors", ())) or None)
+        diagnosis.fit(study.X, study.y, y_err=study.y_err)
     say(first_words(diagnosis.report(units=given.units), diagnosis.result_))
     if not given.no_folds:
         say(

@@ -35,7 +35,7 @@ def fit(given: argparse.Namespace) -> int:
     study = read_study_data(given)
     model = model_of(study, given, given.beta, given.method)
     with stage("Fit", given):
-        model.fit(study.X, study.y, y_err=list(given.errors) or None)
+        model.fit(study.X, study.y, y_err=study.y_err)
     table = model.summary()
     numbers = {"estimates": plain(table.reset_index(names="name"))}
     files = write_files(given, numbers, saved=model, code=study.code)
@@ -56,9 +56,7 @@ def choose_beta(given: argparse.Namespace) -> int:
     # every weight that is tried takes the place of the first
     model = model_of(study, given, 0.5, given.method)
     with stage("Folds", given):
-        choice = held_out(
-            model, study.X, study.y, given.betas, cv, y_err=list(given.errors) or None
-        )
+        choice = held_out(model, study.X, study.y, given.betas, cv, y_err=study.y_err)
     text = f"beta = {choice.beta:g} has the best held-out ELPD.\n\n{_text(choice.table)}"
     numbers = {"beta": choice.beta, "table": plain(choice.table)}
     files = write_files(given, numbers, saved=choice.estimator, code=study.code)

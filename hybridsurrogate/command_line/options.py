@@ -21,7 +21,7 @@ class Option:
     name : str
         As in code and study files; on the command line with "-" for "_".
     kind : {"text", "path", "paths", "names", "limit", "number", "numbers", "whole", "pairs", "yes"}
-        What it takes: one text or file, several files, names, a number or a column, numbers,
+        What it takes: one text or file, several files, names, a number or a text, numbers,
         NAME=VALUE that may be repeated, or nothing.
     meaning : str
         A phrase for help and reference.
@@ -97,7 +97,7 @@ KINDS = {
     "path": Kind("text", (str,), str),
     "paths": Kind('a list of names, such as ["t"]', (str,), str, several=True),
     "names": Kind('a list of names, such as ["t"]', (str,), str, several=True),
-    "limit": Kind("a number or a column", (str, int, float), str),
+    "limit": Kind("a number or a text", (str, int, float), str),
     "number": Kind("a number", (int, float), float),
     "numbers": Kind("a list of numbers", (int, float), float, several=True),
     "whole": Kind("a whole number", (int,), int),
@@ -248,6 +248,13 @@ DATA = (
         "column of the measurements' standard deviations (error bars); of several outputs one each",
         (),
         "COLUMN",
+    ),
+    Option(
+        "error_correlation",
+        "limit",
+        "correlation of the errors of several outputs: with --errors a number, or one for each "
+        "pair, such as 0.7,-0.3,0.1 of outputs 1 and 2, 1 and 3, 2 and 3; or estimated",
+        metavar="R",
     ),
     Option("experiment", "text", "column that labels the experiment of a row", metavar="COLUMN"),
     Option(

@@ -8,6 +8,7 @@ import re
 import tomllib
 import warnings
 from collections.abc import Iterable, Sequence
+from itertools import combinations
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -18,6 +19,7 @@ from hybridsurrogate.arguments import check_readable, described, is_address
 from hybridsurrogate.command_line.options import KINDS, Option
 from hybridsurrogate.command_line.priors import assumed_of, prior_of
 from hybridsurrogate.command_line.user_code import function_in, is_code
+from hybridsurrogate.effects.noise.noise import OutputCorrelation
 from hybridsurrogate.estimators import PowerScaledSurrogate, PredictiveWeightedSurrogate
 from hybridsurrogate.exceptions import DiagnosisWarning, did_you_mean
 from hybridsurrogate.likelihoods import Censored, Likelihood
@@ -108,13 +110,14 @@ _METHODS = {
 
 
 class Study(NamedTuple):
-    """What is compared: simulation, surrogate, measured rows, later ones, code, likelihood."""
+    """What is compared: simulation, surrogate, rows, their errors, later rows, code, likelihood."""
 
     simulation: SimulationData | Simulator
     surrogate: Surrogate
     X: pd.DataFrame
     y: FloatArray
-    later: tuple[pd.DataFrame, FloatArray] | None = None
+    y_err: Any = None
+    later: tuple[pd.DataFrame, FloatArray, Any] | None = None
     code: str | None = None
     likelihood: str | Likelihood = "normal"
 
@@ -140,6 +143,7 @@ def read_study_data(given: argparse.Namespace) -> Study:
     for name in ("inputs", "output"):
         if not getattr(given, name):
             raise ValueError(f"--{name} is missing: name the columns.")
+    correlation = _correlation(given)
     user = function_in(given.simulation) if is_code(given.simulation) else None
     if user is None and given.runs is not None:
         raise ValueError("--runs is for a function: the file of runs has those that it has.")
@@ -173,9 +177,54 @@ def read_study_data(given: argparse.Namespace) -> Study:
         y, likelihood = Censored.of_rows(y, below, above, likelihood, given.rounded)
     elif any(limit is not None for limit in (below, above, given.rounded)):
         likelihood = Censored(likelihood, below, above, given.rounded)
-    X = measured.drop(columns=list(given.output))
-    after = (X[n:], y[n:]) if new else None
-    return Study(simulation, surrogate, X[:n], y[:n], after, user and user.file, likelihood)
+    X, errors = measured.drop(columns=given.output), list(given.errors) or None
+    now = later = errors
+    if correlation is not None:
+        sd = X[errors].to_numpy(dtype=float)
+        if np.any(sd <= 0):
+            raise ValueError(f"{given.measured}: the errors in {errors} must be positive.")
+        X, covariances = X.drop(columns=errors), correlation * sd[:, :, None] * sd[:, None]
+        now, later = covariances[:n], covariances[n:]
+    after = (X[n:], y[n:], later) if new else None
+    return Study(simulation, surrogate, X[:n], y[:n], now, after, user and user.file, likelihood)
+
+
+# the word for what measurements are to show
+_ESTIMATED = "estimated"
+
+
+def _correlation(given: argparse.Namespace) -> FloatArray | None:
+    """Return the known correlations (k, k) of the errors of outputs, None where none are known."""
+    text, outputs, k = given.error_correlation, list(given.output), len(given.output)
+    if text is None:
+        return None
+    option = f"--error-correlation {text}"
+    if k < 2:
+        raise ValueError(f"{option} is of several outputs, and --output names one.")
+    if text == _ESTIMATED:
+        return None
+    pairs = [" and ".join(pair) for pair in combinations(outputs, 2)]
+    try:
+        values = np.array([float(one) for one in text.split(",")])
+    except ValueError:
+        raise ValueError(f"{option} is neither numbers nor the word {_ESTIMATED}.") from None
+    if len(values) not in (1, len(pairs)):
+        raise ValueError(
+            f"{option}: give one number, or {len(pairs)} numbers, of {', '.join(pairs)}."
+        )
+    if len(given.errors) != k:
+        raise ValueError(
+            f"{option} needs --errors, a column for each of {', '.join(outputs)}. Where these are "
+            f"unknown: --error-correlation {_ESTIMATED}."
+        )
+    matrix, upper = np.eye(k), np.triu_indices(k, 1)
+    matrix[upper] = matrix.T[upper] = values
+    if not np.all(np.abs(values) < 1) or np.linalg.eigvalsh(matrix)[0] <= 0:
+        raise ValueError(
+            f"{option}: no {k} outputs have such correlations. Each lies between -1 and 1, and "
+            "their matrix is positive definite."
+        )
+    return matrix
 
 
 def _from_runs(given: argparse.Namespace, runs: pd.DataFrame) -> SimulationData:
@@ -251,7 +300,7 @@ def _make_numbers(
     """Turn measured columns into numbers, in place; raise ValueError where one of them is none."""
     for name in dict.fromkeys([*given.inputs, *given.output, *measured.select_dtypes("number")]):
         column = measured[name]
-        if name in given.output:
+        if name in (*given.output, *given.errors):
             # of several some may be missing
             measured.loc[column.notna(), name] = numbers_of(column.dropna(), given.measured)
             measured[name] = measured[name].astype(float)
@@ -413,11 +462,23 @@ def model_of(
     ----------
     study : Study
     given : argparse.Namespace
-        With noise, experiment, by_experiment and seed.
+        With noise, error_correlation, experiment, by_experiment and seed.
     beta : float
         Weight of the simulation.
     method : {"power-scaling", "predictive-weighting"}
+
+    Raises
+    ------
+    ValueError
+        For correlations of errors that this method does not estimate.
     """
+    effects = {}
+    if given.error_correlation == _ESTIMATED:
+        if method != "power-scaling":
+            raise ValueError(
+                f"--error-correlation {_ESTIMATED} is for --method power-scaling: give numbers."
+            )
+        effects = {"effects": [OutputCorrelation()]}
     return _METHODS[method](
         study.simulation,
         surrogate=study.surrogate,
@@ -427,4 +488,5 @@ def model_of(
         experiment=given.experiment,
         by_experiment=given.by_experiment or None,
         random_state=given.seed,
+        **effects,
     )

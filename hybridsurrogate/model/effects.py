@@ -129,10 +129,15 @@ class CausesOnRows:
         """Return the columns of rows by name."""
         return dict(zip(self.names, X.T, strict=False))
 
+    @cached_property
+    def output_correlation(self) -> OutputCorrelation | None:
+        """The cause that is the correlation of several outputs' errors, None without one."""
+        return next((e for e in self.effects if isinstance(e, OutputCorrelation)), None)
+
     @property
     def correlated(self) -> bool:
         """Whether the errors of several outputs are correlated."""
-        return len(self.carried) > 2 or any(isinstance(e, OutputCorrelation) for e in self.effects)
+        return len(self.carried) > 2 or self.output_correlation is not None
 
     def conditional(
         self, X: FloatArray, values: FloatArray, measured: bool = True
@@ -146,19 +151,19 @@ class CausesOnRows:
         number = once[MEASUREMENT]
         if measured:
             number = np.where(np.isfinite(once[MEASURED]), number, np.nan)
-        own = zip(self.effects, self.theta(values), strict=True)
-        found = [(e, theta) for e, theta in own if isinstance(e, OutputCorrelation)]
-        k = len(found[0][0].outputs) if found else len(self.carried) - 2
+        found = self.output_correlation
+        k = len(found.outputs) if found else len(self.carried) - 2
         members = members_of(number, once[OUTPUT], k)
         if not len(members):
             return None
-        ratios = found[0][0].ratios if found else None
+        ratios = found.ratios if found else None
         if ratios is not None:
             scale, share = np.array(ratios)[once[OUTPUT].astype(np.intp)][None], None
         else:
             scale, share = self._scale(once, values)
         if found:
-            matrices = found[0][0].matrices(found[0][1], len(values))[:, None]
+            theta = self.theta(values)[self.effects.index(found)]
+            matrices = found.matrices(theta, len(values))[:, None]
         else:
             each = np.stack([once[name] for name in self.carried[2:]], axis=1)
             matrices = each[members][None]

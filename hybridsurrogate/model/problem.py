@@ -10,7 +10,7 @@ import numpy as np
 
 from hybridsurrogate.effects.base import Cause, Context
 from hybridsurrogate.effects.noise.known_errors import Jitter, RowErrors
-from hybridsurrogate.effects.noise.noise import OutputCorrelation, OutputNoise
+from hybridsurrogate.effects.noise.noise import OutputNoise
 from hybridsurrogate.effects.wrapped import prepared_for
 from hybridsurrogate.exceptions import did_you_mean
 from hybridsurrogate.likelihoods import Likelihood
@@ -465,7 +465,7 @@ def _check_likelihood(model: MeasuredModel, likelihood: Likelihood) -> None:
             "Correlated errors of several outputs are normal, and outliers are not: leave out "
             "Outliers, or give y_err as standard deviations without OutputCorrelation."
         )
-    if len(model.carried) > 2 and any(isinstance(e, OutputCorrelation) for e in model.effects):
+    if len(model.carried) > 2 and model.output_correlation:
         raise ValueError(
             "The covariances in y_err have the correlations already: leave out OutputCorrelation, "
             "or give y_err as standard deviations."

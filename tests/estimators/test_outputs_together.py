@@ -214,6 +214,17 @@ def test_calibration_has_a_discrepancy_of_each_output(data):
     assert [effect.output for effect in model.effects] == ["h", "q"]
 
 
+def test_calibration_of_scattered_runs_shares_its_proposals(data):
+    """Eight unknowns: a mode and a Hessian for each coefficient draw took 30 CPU seconds."""
+    X, Y = data
+    runs = SIMULATOR.run(60, random_state=0)
+    model = hs.KennedyOHaganSurrogate(runs, n_draws=300, random_state=0)
+    diagnostics = model.fit(X, Y).diagnostics_
+    assert diagnostics.second_khat < 0.7
+    # of 60 separate proposals for each draw 12 counted
+    assert diagnostics.second_effective_draws > 60
+
+
 def test_a_grid_search_over_beta(data):
     X, Y = data
     runs = SIMULATOR.run(40, random_state=0)

@@ -11,7 +11,6 @@ from scipy import special
 from hybridsurrogate.diagnosis.search.candidate import prior_of
 from hybridsurrogate.diagnosis.search.context import Fitted, SearchContext
 from hybridsurrogate.diagnosis.search.search import Search
-from hybridsurrogate.effects.noise.noise import OutputCorrelation
 from hybridsurrogate.inference.evidence.grid import Grid, make_grid
 from hybridsurrogate.inference.evidence.linearised import is_long, linearised_pieces
 from hybridsurrogate.inference.evidence.marginal_likelihood import scan
@@ -241,7 +240,7 @@ def _from_others(
     outputs before are off, each with a variance of one over the degrees of freedom.
     """
     model = null.model
-    if not any(isinstance(effect, OutputCorrelation) for effect in model.effects):
+    if not model.output_correlation:
         return 0.0
     given = model.conditional(problem.X, null.values)
     if given is None:

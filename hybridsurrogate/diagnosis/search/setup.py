@@ -17,7 +17,6 @@ from hybridsurrogate.diagnosis.search.processes import at_noise_of
 from hybridsurrogate.effects.base import Cause, Context
 from hybridsurrogate.effects.context import position_among
 from hybridsurrogate.effects.noise.known_errors import Jitter, SharedErrors
-from hybridsurrogate.effects.noise.noise import OutputCorrelation
 from hybridsurrogate.effects.parameters.parameter_by_experiment import ParameterByExperiment
 from hybridsurrogate.effects.wrapped import prepared_for
 from hybridsurrogate.emulators.conditioned import krige
@@ -229,20 +228,18 @@ def _at_correlation_of(problem: Problem, posterior: Posterior) -> Problem:
     Of thirty rows those of neighbours' differences, which a smooth fault leaves as they are, are so
     uncertain that 7 of 60 sets with nothing wrong had p <= 0.05.
     """
-    effects = list(problem.model.effects)
-    at = next((k for k, e in enumerate(effects) if isinstance(e, OutputCorrelation)), None)
-    if at is None or problem.stacking is None:
+    model, fitted = problem.model, posterior.model
+    known, found = model.output_correlation, fitted.output_correlation
+    if known is None or found is None or problem.stacking is None:
         return problem
-    effect = effects[at]
-    assert isinstance(effect, OutputCorrelation)
-    own = next(k for k, e in enumerate(posterior.model.effects) if isinstance(e, type(effect)))
-    draws = effect.matrices(posterior.draws_of(own)[0], posterior.n_draws)
+    draws = found.matrices(posterior.draws_of(fitted.effects.index(found))[0], posterior.n_draws)
     names = problem.stacking.names
     noise = [float(np.median(posterior.noise_of(name, k))) for k, name in enumerate(names)]
     # the errors of rows are their scales where they are known
-    ratios = None if problem.model.errors else tuple(sd / noise[0] for sd in noise)
-    effects[at] = effect.at_estimate(np.median(draws, axis=0), ratios)
-    return replace(problem, model=problem.model.with_effects(effects))
+    ratios = None if model.errors else tuple(sd / noise[0] for sd in noise)
+    fixed = known.at_estimate(np.median(draws, axis=0), ratios)
+    effects = [fixed if effect is known else effect for effect in model.effects]
+    return replace(problem, model=model.with_effects(effects))
 
 
 def _jitter_of_neighbours(X: FloatArray, residual: FloatArray, errors: FloatArray) -> float:

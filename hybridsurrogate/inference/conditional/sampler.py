@@ -37,6 +37,8 @@ from hybridsurrogate.inference.conditional.pairwise_squares import (
 from hybridsurrogate.inference.sampling.ensembles import Effort, moved_draws
 from hybridsurrogate.inference.sampling.hierarchical import standardised
 from hybridsurrogate.inference.sampling.importance import (
+    Component,
+    bent,
     mixture_log_density,
     mixture_points,
     moment_match,
@@ -220,11 +222,11 @@ def _by_proposals(
     u, share, khat, effective = found.u, found.share, found.khat, found.effective
     node = one_node_each(share, random_state)
     drawn = OwnDraws(u[node], khat, effective)
-    # separate proposals for each draw take a Hessian each: in many dimensions only where shared
-    # ones are doubtful, and never in a hierarchy, whose ridges they do not follow
-    doubtful = khat > KHAT_LIMIT or effective < MIN_EFFECTIVE_EACH
-    wanted = doubtful if first_step.shape[1] > SETTINGS.many_dimensions else not found.enough
-    if wanted and coordinates is None:
+    # separate proposals for each draw take a Hessian each: where fewer shared ones count or, in
+    # many dimensions, these are doubtful; never in a hierarchy, whose ridges they do not follow
+    many = first_step.shape[1] > SETTINGS.many_dimensions
+    least = MIN_EFFECTIVE_EACH if many else SETTINGS.draw_proposals
+    if (khat > KHAT_LIMIT or effective < least) and coordinates is None:
         best = u[np.argmax(found.log_density, axis=0)]
         own = own_draws(problem, np.stack([best, plain(first_step)[0]]), random_state)
         drawn = own if own.khat < max(khat, KHAT_LIMIT) else drawn
@@ -240,8 +242,6 @@ class _Weighted(NamedTuple):
     ----------
     khat, effective : float
         Medians over draws.
-    enough : bool
-        Whether further proposals would not be better.
     """
 
     u: FloatArray
@@ -250,7 +250,6 @@ class _Weighted(NamedTuple):
     share: FloatArray
     khat: float
     effective: float
-    enough: bool
 
 
 def near_draws(u: FloatArray, weight: FloatArray) -> Gaussian:
@@ -277,11 +276,11 @@ def _weighted(
     Parameters
     ----------
     first, others : Gaussian, list of Gaussian
-        Around which proposals are made; the first moves to where the weights are.
+        Around which proposals are made; the first moves to where the weights are, and bends.
     plain : callable
         From the proposals' coordinates to u, and the log of the volume.
     """
-    components = [first, *others]
+    components: list[Component] = [first, *others]
     for round_ in range(SETTINGS.few_rounds + 1):
         points = mixture_points(components, n, random_state)
         u, log_volume = plain(points)
@@ -294,11 +293,15 @@ def _weighted(
         enough = effective > SETTINGS.min_effective_share * n and khat <= KHAT_LIMIT
         if enough or round_ == SETTINGS.few_rounds:
             break
-        components = [moment_match(points, share.mean(axis=1), first), *others]
+        weight = share.mean(axis=1)
+        moved = moment_match(points, weight, first)
+        components = [moved, *others]
         if round_:
-            # what moved ones do not serve, such as ten unknowns of experiments, has all of them
+            # what moved ones do not serve, such as ten unknowns of experiments, has all of them,
+            # and bends
+            components += bent(points, weight, [moved])
             n = MOST_PROPOSALS
-    return _Weighted(u, log_density, log_proposal, share, khat, effective, enough)
+    return _Weighted(u, log_density, log_proposal, share, khat, effective)
 
 
 def _as_is(points: FloatArray) -> tuple[FloatArray, FloatArray]:
