@@ -38,6 +38,8 @@ from hybridsurrogate.types import FloatArray
 # seconds of a set of parameters from which runs are made beforehand; the most sets that are timed,
 # and the share of its time that each takes of four times as many where more are tried
 _SLOW_SECONDS, _MAX_TIMED, _BATCHING_GAIN = 1e-3, 256, 0.6
+# share of the time that a simulation is busy below which it waits for other programs
+_WAITING = 0.1
 # sets that a fit asks for: 3,400 to 6,700 with one to five parameters
 _FIT_SETS = 5000
 # runs for each dimension (Loeppky, Sacks and Welch 2009, Technometrics 51:366)
@@ -188,7 +190,13 @@ def seconds_a_set(simulator: Simulator, X: FloatArray) -> float:
     def run(n: int) -> None:
         simulator.evaluate(np.tile(X, (n, 1)), np.repeat(omega[:n], len(X), axis=0))
 
-    return seconds_of_each(run, time.perf_counter, _MAX_TIMED if simulator.vectorized else 1)
+    clocks = time.perf_counter, time.process_time
+    began = [clock() for clock in clocks]
+    each = seconds_of_each(run, time.perf_counter, _MAX_TIMED if simulator.vectorized else 1)
+    passed, busy = (clock() - start for clock, start in zip(clocks, began, strict=True))
+    # what other programs take of the machine must not decide how a fit is made; a simulation that
+    # waits for one, such as a code that it starts, takes hardly any of the processor itself
+    return each * busy / passed if _WAITING * passed < busy < passed else each
 
 
 def seconds_of_each(

@@ -388,3 +388,29 @@ def test_a_slow_simulation_without_parameters_is_run_as_it_is():
     found = hs.PowerScaledSurrogate(simulator, random_state=0).fit(TIMES[::6, None], y)
     assert found.emulation_ is None
     np.testing.assert_allclose(found.predict([[3.0]]), 6.0)
+
+
+def spinning(x, a):
+    end = time.process_time() + 1e-4 * np.size(x)
+    while time.process_time() < end:
+        pass
+    return a * x
+
+
+def waiting(x, a):
+    time.sleep(0.01)
+    return a * x
+
+
+def test_what_other_programs_take_of_the_machine_does_not_count(monkeypatch):
+    X, real = np.linspace(0, 1, 20)[:, None], time.perf_counter
+    simulator, idle = (
+        hs.Simulator(f, inputs={"x": (0, 1)}, parameters={"a": uniform(0, 1)})
+        for f in (spinning, waiting)
+    )
+    # as if half of the machine were taken
+    monkeypatch.setattr(time, "perf_counter", lambda: 2 * real())
+    assert 0.0015 < emulation.seconds_a_set(simulator, X) < 0.003
+    monkeypatch.undo()
+    # a simulation that waits for another program takes as long as that
+    assert emulation.seconds_a_set(idle, X) > 0.009

@@ -91,8 +91,8 @@ def lead(view: View) -> tuple[str, ...]:
         "data": "The simulation itself stands; these rows need a check.",
         "prior": "The simulation itself may be right, with a wider prior.",
     }
-    further = [one.concerns for _, one in view.findings[1:]]
-    if result.conclusion.concerns in mean and "simulation" not in further:
+    concerned = {one.concerns for _, one in view.findings[1:]}
+    if result.conclusion.concerns in mean and "simulation" not in concerned:
         out.append(mean[result.conclusion.concerns])
     estimates = estimates_of(view, finding, cause)
     if estimates:

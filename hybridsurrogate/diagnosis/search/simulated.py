@@ -383,8 +383,7 @@ class Outcomes(NamedTuple):
 def log_evidence(place: Place, causes: Sequence[Cause], responses: FloatArray) -> FloatArray:
     """Return the log evidence of "nothing is wrong" and of causes for data sets, (m, 1 + k).
 
-    Linearised at the fit. Where something shows clearly, a change of an input or a parameter is
-    expanded at many of its sizes instead, and the grids of other causes have half the distance.
+    Linearised at the fit: enough to say whether something shows.
 
     Parameters
     ----------
@@ -392,14 +391,32 @@ def log_evidence(place: Place, causes: Sequence[Cause], responses: FloatArray) -
     causes : sequence of Cause
     responses : ndarray of shape (m, n)
     """
-    model, context = place.context.problem.model, place.context
-    models = [place.null.model, *(model.with_effects((*model.effects, one)) for one in causes)]
-    grids = [place.null.grid, *map(make_grid, models[1:])]
+    forms = _forms(place, causes)
+    sizes = place.context.sizes([place.null])
+    return evidence_at_null(place.context, place.null, forms, responses, sizes)
+
+
+def _forms(place: Place, causes: Sequence[Cause]) -> list[tuple[MeasuredModel, Grid]]:
+    """Return the models and grids of "nothing is wrong" and of causes."""
+    model = place.context.problem.model
+    models = [model.with_effects((*model.effects, one)) for one in causes]
+    return [(place.null.model, place.null.grid), *((one, make_grid(one)) for one in models)]
+
+
+def refined_log_evidence(
+    place: Place, causes: Sequence[Cause], responses: FloatArray
+) -> FloatArray:
+    """Return the log evidence as `log_evidence` does, finer where something shows clearly.
+
+    There a change of an input or a parameter is expanded at many of its sizes, and the grids of
+    other causes have half the distance: it matters which of them explains more.
+    """
+    context, forms = place.context, _forms(place, causes)
     args, sizes = (context, place.null), context.sizes([place.null])
-    evidence = evidence_at_null(*args, list(zip(models, grids, strict=True)), responses, sizes)
+    evidence = evidence_at_null(*args, forms, responses, sizes)
     gain = evidence[:, 1:] - evidence[:, :1]
     best = np.max(gain, axis=1)
-    for k, (cause, one, grid) in enumerate(zip(causes, models[1:], grids[1:], strict=True)):
+    for k, (cause, (one, grid)) in enumerate(zip(causes, forms[1:], strict=True)):
         # the stronger the data, the more a tangent or a coarse grid misses: up to half of the
         # evidence of a constant at the end of its prior
         some = np.flatnonzero((best > SETTINGS.max_behind) & (gain[:, k] > best / 3))
@@ -460,7 +477,7 @@ def outcomes(place: Place, responses: FloatArray) -> Outcomes:
     """Return what a diagnosis would conclude from data sets (m, n) at a place."""
     pieces = blocks(len(responses), responses.shape[1], LARGE_BLOCK)
     evidence = np.concatenate(
-        [log_evidence(place, place.causes, responses[some]) for some in pieces]
+        [refined_log_evidence(place, place.causes, responses[some]) for some in pieces]
     )
     statistic = np.max(evidence[:, 1:], axis=1) - evidence[:, 0]
     weight = evidence + np.log(prior_odds([None, *place.causes]))

@@ -8,7 +8,7 @@ from scipy.stats import halfnorm, loguniform, norm, uniform
 
 import hybridsurrogate as hs
 from hybridsurrogate.diagnosis.planning.detectability import place_at
-from hybridsurrogate.diagnosis.search.simulated import log_evidence
+from hybridsurrogate.diagnosis.search.simulated import refined_log_evidence
 
 NOISE = 0.2
 T = np.linspace(0, 10, 40)
@@ -262,7 +262,7 @@ def test_the_evidence_for_a_large_drift_is_that_of_the_search(change):
     random = np.random.RandomState(0)
     place, _ = place_at(model, s[:, None], uptake(s, 4.0), np.array([noise]), (), few, random)
     drift = next(c for c in place.causes if c.variant == "linear over s")
-    none, found = log_evidence(place, [drift], y[None])[0]
+    none, found = refined_log_evidence(place, [drift], y[None])[0]
     (there,) = (w for w in search.candidates[1:] if w.cause.variant == drift.variant)
     # to first order: a tangent at no drift misses most of them
     expected = there.log_evidence - search.candidates[0].log_evidence
