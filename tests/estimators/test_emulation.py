@@ -4,6 +4,7 @@ import math
 import pickle
 import time
 import warnings
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -390,27 +391,19 @@ def test_a_slow_simulation_without_parameters_is_run_as_it_is():
     np.testing.assert_allclose(found.predict([[3.0]]), 6.0)
 
 
-def spinning(x, a):
-    end = time.process_time() + 1e-4 * np.size(x)
-    while time.process_time() < end:
-        pass
-    return a * x
+@pytest.mark.parametrize(("busy", "expected"), [(1.0, 0.002), (0.3, 0.0006), (0.01, 0.002)])
+def test_what_other_programs_take_of_the_machine_does_not_count(monkeypatch, busy, expected):
+    """The busy share of the time counts; all of it where a simulation waits for something."""
+    passed = [0.0]
 
+    def takes_time(x, a):
+        passed[0] += 1e-4 * np.size(x)
+        return a * x
 
-def waiting(x, a):
-    time.sleep(0.01)
-    return a * x
-
-
-def test_what_other_programs_take_of_the_machine_does_not_count(monkeypatch):
-    X, real = np.linspace(0, 1, 20)[:, None], time.perf_counter
-    simulator, idle = (
-        hs.Simulator(f, inputs={"x": (0, 1)}, parameters={"a": uniform(0, 1)})
-        for f in (spinning, waiting)
+    simulator = hs.Simulator(
+        takes_time, inputs={"x": (0, 1)}, parameters={"a": uniform(0, 1)}, vectorized=True
     )
-    # as if half of the machine were taken
-    monkeypatch.setattr(time, "perf_counter", lambda: 2 * real())
-    assert 0.0015 < emulation.seconds_a_set(simulator, X) < 0.003
-    monkeypatch.undo()
-    # a simulation that waits for another program takes as long as that
-    assert emulation.seconds_a_set(idle, X) > 0.009
+    clocks = SimpleNamespace(perf_counter=lambda: passed[0], process_time=lambda: busy * passed[0])
+    monkeypatch.setattr(emulation, "time", clocks)
+    found = emulation.seconds_a_set(simulator, np.linspace(0, 1, 20)[:, None])
+    assert found == pytest.approx(expected)
