@@ -216,6 +216,25 @@ def test_an_output_in_another_unit(change, words):
     assert found.cautions_[0].about == "columns"
 
 
+@pytest.mark.parametrize(("low", "high", "words"), [(3, 18, "1/60"), (0.0008, 0.005, "60")])
+def test_a_prior_in_another_unit(low, high, words):
+    """A rate of 0.15 a minute, with a prior in 1/h and in 1/s."""
+    minutes = np.linspace(0, 20, 40)
+    rng = np.random.default_rng(0)
+    y = 20 + 63 * np.exp(-0.15 * minutes) + 0.4 * rng.standard_normal(40)
+    cooling = hs.Simulator(
+        lambda minutes, start, rate: 20 + start * np.exp(-rate * minutes),
+        inputs={"minutes": (0, 20)},
+        parameters={
+            "start": hs.truncated_normal(60, 10, 40, 80),
+            "rate": stats.uniform(low, high - low),
+        },
+    )
+    found, said = diagnosed(cooling, minutes[:, None], y)
+    assert f"the prior of 'rate' multiplied by {words} (as" in said
+    assert found.verdict_ != "named"
+
+
 @pytest.mark.parametrize("step", [0.0, pytest.param(4.0, marks=pytest.mark.slow)])
 def test_measurements_without_noise(step):
     """A simulation of one's own, given as measurements: tails of rounding were named."""

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike
+from scipy import stats
 
 from hybridsurrogate.diagnosis.checks.caution import SETTINGS, Caution
 from hybridsurrogate.diagnosis.search.candidate import Candidate
@@ -26,6 +27,7 @@ from hybridsurrogate.model.problem import Problem
 from hybridsurrogate.model.rows.columns import column_names, experiments_of, matched_columns
 from hybridsurrogate.model.statistics import emulator_posterior
 from hybridsurrogate.numerics.digits import number
+from hybridsurrogate.priors import frozen
 from hybridsurrogate.simulation.outputs import OUTPUT
 from hybridsurrogate.simulation.simulator import SimulationData, Simulator
 from hybridsurrogate.types import FloatArray
@@ -48,6 +50,10 @@ _UNITS = {
     1e6: "micro and one, or one and mega",
     180 / np.pi: "degrees and radians",
 }
+# between these shares a prior lies, whatever its tails
+_TAIL_SHARE = 0.001
+# minus twice a log density that tells no unit from another: 60 and 180 / pi are 5 % apart
+_SAME_DEVIANCE = 2.0
 # y = offset + factor x
 _SHIFTED = {
     (273.15, 1.0): "kelvins, and the simulation degrees Celsius",
@@ -299,7 +305,8 @@ def _named_shift(simulated: FloatArray, y: FloatArray) -> str | None:
 def better_columns(result: Search, ranges: Ranges, chosen: Candidate) -> list[Caution]:
     """Return with which inputs exchanged, or in another unit, the simulation fits much better.
 
-    After a search that detected something wrong: each way takes one fit of the simulation alone.
+    Parameters whose priors are in another unit included. After a search that detected something
+    wrong: each way takes one fit of the simulation alone.
 
     Parameters
     ----------
@@ -315,23 +322,30 @@ def better_columns(result: Search, ranges: Ranges, chosen: Candidate) -> list[Ca
         least = min(least, chosen.fit.sigma / SETTINGS.majority)
     if problem.working_point is not None:
         return []
-    found: list[tuple[float, str]] = []
-    for words, X in _other_columns(problem, ranges):
+    found: list[tuple[float, float, str]] = []
+    others = [(words, replace(problem, X=X)) for words, X in _other_columns(problem, ranges)]
+    misses_most = null.sigma * problem.unit_noise > SETTINGS.majority * np.std(problem.y)
+    is_known = chosen.cause is not None and chosen.cause.concerns == "prior"
+    if misses_most and problem.model.basis.is_simulation and not is_known:
+        others += _other_priors(problem)
+    for words, other in others:
         try:
-            fit = result.context.at(replace(problem, X=X)).best_null()
+            fit = result.context.at(other).best_null()
         except ValueError:  # a simulation that fails there
             continue
         if np.isfinite(fit.mode.objective) and fit.sigma < least:
-            found.append((fit.sigma, words))
+            found.append((result.context.deviance(fit.mode, fit.sigma), fit.sigma, words))
     if not found:
         return []
-    best, words = min(found)
+    # the commonest of those units of which the value is about as near to the middle of the prior
+    least = min(found)[0] + _SAME_DEVIANCE
+    best, words = next((sigma, words) for deviance, sigma, words in found if deviance < least)
     unit = problem.unit_noise
     return [
         Caution(
             "columns",
             f"With {words}, the simulation alone misses the output by {number(unit * best, 2)} "
-            f"instead of {number(unit * null.sigma, 2)}. Check the columns and their units.",
+            f"instead of {number(unit * null.sigma, 2)}. Check units of columns and priors.",
         )
     ]
 
@@ -355,3 +369,18 @@ def _other_columns(problem: Problem, ranges: Ranges) -> Iterator[tuple[str, Floa
             filled = np.ptp(X[:, k]) > SETTINGS.majority * (high - low)
             if filled and _share_within(X[:, k], low, high) >= SETTINGS.nearly_all:
                 yield f"{name!r} multiplied by {factor:.6g} (as {units})", X
+
+
+def _other_priors(problem: Problem) -> Iterator[tuple[str, Problem]]:
+    """Yield in which unit the prior of a parameter may be, and the problem with it in the other."""
+    model = problem.model
+    for name, prior in model.parameters.items():
+        low, high = prior.ppf([_TAIL_SHARE, 1 - _TAIL_SHARE])
+        if not low > 0:
+            continue
+        for factor, units in _UNITS.items():
+            for by, words in ((factor, f"{factor:.6g}"), (1 / factor, f"1/{factor:.6g}")):
+                other = frozen(stats.loguniform, by * low, by * high)
+                parameters = model.parameters | {name: other}
+                said = f"the prior of {name!r} multiplied by {words} (as {units})"
+                yield said, replace(problem, model=replace(model, parameters=parameters))

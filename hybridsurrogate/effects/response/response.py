@@ -179,8 +179,10 @@ class SensorResponse(Cause):
         center, scale = self.measured.simulated, self.measured.spread
         away = simulated - center
         u = away / scale
-        bent = scale * (theta["level"] + theta["curvature"] * (u**2 - 1))
-        return center + theta["gain"] * away + bent, theta["gain"] + 2 * theta["curvature"] * u
+        # a simulation that fails is far off
+        with np.errstate(over="ignore", invalid="ignore"):
+            bent = scale * (theta["level"] + theta["curvature"] * (u**2 - 1))
+            return center + theta["gain"] * away + bent, theta["gain"] + 2 * theta["curvature"] * u
 
     def estimates(self, theta: Rows, coefficients: Rows) -> dict[str, FloatArray]:
         """Return the parabola's numbers in the units of the output."""
