@@ -270,3 +270,24 @@ def test_a_rate_that_depends_on_temperature():
     assert "temperature" in found.best_cause_.formula
     new = rows(50.0)
     assert found.extended_estimator_.score(*new) > found.estimator_.score(*new)
+
+
+@pytest.mark.parametrize("seed", [8, 9])
+def test_a_test_and_an_evidence_that_disagree_are_told(seed):
+    """A density that is 12 % off, and a coefficient whose narrow prior draws the same curve."""
+
+    def flow_rate(dp, cd, rho):
+        return 1.44 * cd * np.sqrt(2000 * dp / rho)
+
+    rng = np.random.default_rng(seed)
+    dp = rng.uniform(1, 30, 60)
+    y = flow_rate(dp, 0.608, 1120.0) + 0.05 * rng.standard_normal(60)
+    orifice = hs.Simulator(
+        flow_rate,
+        inputs={"dp": (0.1, 40)},
+        parameters={"cd": hs.truncated_normal(0.61, 0.01, 0.5, 0.7)},
+        assumed={"rho": hs.Assumed(1000, hs.truncated_normal(1000, 80, 500, 2000))},
+    )
+    found, said = diagnosed(orifice, dp[:, None], y, ())
+    none = float(found.causes_.loc[found.causes_["kind"] == "none", "probability"].iloc[0])
+    assert found.verdict_ != "adequate" or none > 0.25 or "measure more" in said

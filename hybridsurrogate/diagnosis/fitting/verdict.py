@@ -194,6 +194,16 @@ def _doubts(
     if left_out:
         return left_out
     out = list(single_rows(first.search, first.chosen))
+    none, leader = float(first.search.probability[0]), first.search.leader
+    if verdict == "adequate" and none < 1 - SETTINGS.naming_level:
+        kind, share = first.search.candidates[leader].kind, first.search.probability[leader]
+        out.append(
+            Caution(
+                "rows",
+                f"The p-value shows nothing, but {kind} has {digits.percent(share)} of the "
+                f"probability and the simulation as it is {digits.percent(none)}: measure more.",
+            )
+        )
     if verdict != "adequate":
         out += better_columns(first.search, ranges, first.chosen)
     return out if verdict in ("named", "nearest") else [*out, *mirrored(problem)]

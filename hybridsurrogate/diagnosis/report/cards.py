@@ -236,13 +236,13 @@ def _measured_range(view: View) -> str:
 
 def _range(view: View, on_test: HeldOutGain | None) -> Card:
     within = _measured_range(view)
-    beyond, where = view.result.gain_out_of_range, "beyond it"
+    beyond, where = view.result.gain_out_of_range, "of rows left out at its ends"
     if on_test is not None:
-        beyond, where = on_test, "on the rows that you held out"
+        beyond, where = on_test, "of the rows that you held out"
     if beyond is None:
         return Card(RANGE, within, "beyond the measured range nothing was tested")
     coverage = beyond.coverage_after if view.extended else beyond.coverage_before
-    held = f"{where} the 90 % intervals cover {digits.percent(coverage)}"
+    held = f"the 90 % intervals cover {digits.percent(coverage)} {where}"
     if view.extended and is_worse(beyond):
-        return Card(RANGE, within, f"{where} it predicts worse than the simulation alone")
+        return Card(RANGE, within, f"it predicts worse than the simulation alone {where}")
     return Card(RANGE, within, held)
