@@ -83,10 +83,10 @@ def forward_search(
 
     Every search has separate replicates, in which the causes accepted so far are true, so that the
     chance of a false cause is controlled at each step. A smooth discrepancy of unknown shape ends
-    the search: it explains all that could be named. So do outliers. Where one more cause may
-    follow, a cause is chosen for what it explains together with its best second cause: two curves
-    over one input are no curve of the catalogue, and either alone is easily beaten by a curve of
-    any shape.
+    the search: it explains all that could be named. Outliers come last: given them all others are
+    compared from the start. Where one more cause may follow, a cause is chosen for what it explains
+    together with its best second cause: two curves over one input are no curve of the catalogue,
+    and either alone is easily beaten by a curve of any shape.
 
     Parameters
     ----------
@@ -199,14 +199,16 @@ def _beyond_outliers(
     assert outliers is not None
     alone = next(w for w in first.candidates if w.cause is outliers)
     # what was found before has a part of what the wild rows look like
-    out = [SearchStep(first, found[0].test, alone, first)]
+    out = list(found)
+    if np.isfinite(alone.log_evidence):
+        out = [SearchStep(first, found[0].test, alone, first)]
     for _ in range(SETTINGS.alternation_rounds):
         scaled = SearchContext.of(_at_scales(problem, out[-1]), context.emulator)
         left = max_causes and max_causes - 1
         steps = _one_after_the_other(scaled, others, left, false_alarm_rate, tested, nearby)
         last = steps[-1].chosen
         if last.cause is None:
-            return [SearchStep(first, found[0].test, alone, first)]
+            return out
         model = replace(last.fit.model, has_row_noise=problem.model.has_row_noise)
         last = last._replace(fit=last.fit._replace(model=model))
         given = search(context.at(replace(problem, model=model)), [outliers], last)
