@@ -39,7 +39,7 @@ from hybridsurrogate.types import FloatArray
 # and the share of its time that each takes of four times as many where more are tried
 _SLOW_SECONDS, _MAX_TIMED, _BATCHING_GAIN = 1e-3, 256, 0.6
 # share of the time that a simulation is busy below which it waits for other programs
-_WAITING = 0.1
+_WAITING = 0.25
 # sets that a fit asks for: 3,400 to 6,700 with one to five parameters
 _FIT_SETS = 5000
 # runs for each dimension (Loeppky, Sacks and Welch 2009, Technometrics 51:366)
