@@ -283,7 +283,8 @@ def _backfitted(steps: Sequence[SearchStep], causes: Sequence[Cause]) -> list[Se
                 # nothing is compared given it: the others stay as they are given the cause
                 out[k] = replace(out[k], chosen=best, conditional=found)
                 continue
-            best = next(w for w in found.candidates if w.cause is out[k].chosen.cause)
+            able = [one for one, w in enumerate(found.candidates) if not ends_search(w)]
+            best = found.candidates[max(able, key=lambda one: found.probability[one])]
         if best.cause is not out[k].chosen.cause:
             stale = set(named) - {k}
         joint = out[k] = replace(out[k], chosen=best, conditional=found)
