@@ -109,7 +109,7 @@ def sections(table: pd.DataFrame) -> Iterator[tuple[str, str, pd.DataFrame]]:
         tables.noise_limits(table),
     )
     for n, word in ((2, "Two"), (3, "Three")):
-        why = f"Size 2 each, {40 * n} rows. The diagnosis is not told how many there are."
+        why = f"Size 2 each, {40 * n} rows. The diagnosis does not know how many there are."
         yield f"{word} effects at once", why, tables.all_named(table, n)
     yield "Most frequent confusions", "", tables.confusions(table)
     yield "Diagnoses that failed", "", tables.failures(table)
@@ -196,7 +196,7 @@ def _kinds_option(kinds: list[str]) -> list[str]:
 
 
 _HOW = """Effects are hidden in eight simulations and the diagnosis, which weighs its whole
-catalogue and is not told how many there are, has to find them. Size is the root mean square of what remains of the effect after the
+catalogue and does not know how many there are, has to find them. Size is the root mean square of what remains of the effect after the
 parameters have been fitted to the noise-free truth, in noise standard deviations. For `noise` the
 standard deviation at one end is 1 + size times that at the other; for its other forms, input errors
 and random parameters see
