@@ -288,6 +288,14 @@ def test_a_test_and_an_evidence_that_disagree_are_told(seed):
         parameters={"cd": hs.truncated_normal(0.61, 0.01, 0.5, 0.7)},
         assumed={"rho": hs.Assumed(1000, hs.truncated_normal(1000, 80, 500, 2000))},
     )
-    found, said = diagnosed(orifice, dp[:, None], y, ())
-    none = float(found.causes_.loc[found.causes_["kind"] == "none", "probability"].iloc[0])
-    assert found.verdict_ != "adequate" or none > 0.25 or "measure more" in said
+    model = hs.PowerScaledSurrogate(
+        orifice, surrogate=hs.ExactSurrogate(), n_draws=200, random_state=0
+    )
+    # far below the p-value
+    settings = {"cv": None, "n_replicates": 99, "false_alarm_rate": 0.01, "random_state": 0}
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", hs.HybridSurrogateWarning)
+        found = hs.DiscrepancyDiagnosis(model, **settings).fit(dp[:, None], y)
+    assert found.verdict_ == "adequate"
+    said = [one.sentence for one in found.cautions_ if one.about == "rows"]
+    assert any("probability" in text and "measure more" in text for text in said), said

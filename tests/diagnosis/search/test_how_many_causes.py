@@ -9,6 +9,10 @@ from few_kinds import all_but
 
 import hybridsurrogate as hs
 from hybridsurrogate.diagnosis.search import forward_selection
+from hybridsurrogate.diagnosis.search.context import SearchContext
+from hybridsurrogate.diagnosis.search.forward_selection import SearchStep
+from hybridsurrogate.diagnosis.search.search import search
+from hybridsurrogate.diagnosis.search.setup import prepare, trained_emulator
 
 T = np.linspace(0, 10, 60)
 DECAY = hs.Simulator(
@@ -118,3 +122,32 @@ def test_wild_rows_alone_are_outliers():
     alone = line_with_wild_rows(1, step=0.0, n_wild=5)
     assert [(one.kind, one.target) for one in alone.found_causes_] == [("noise", None)]
     assert "The mean of the simulation stands" in str(alone.report())
+
+
+@pytest.mark.parametrize(
+    ("lacking", "expected"),
+    [
+        (lambda t: 0 * t, {"periodic"}),
+        (lambda t: 1.5 * (t > 6), {"step", "periodic"}),
+    ],
+)
+def test_each_cause_has_to_do_better_given_the_others(lacking, expected):
+    """A trend is taken for the first cause, and then compared again given the second one."""
+    y = measured(0.0, 0.6) + lacking(T)
+    model = hs.PowerScaledSurrogate(
+        DECAY, surrogate=hs.ExactSurrogate(), n_draws=20, random_state=0
+    ).fit(T[:, None], y)
+    prepared = prepare(model, ())
+    context = SearchContext.of(*trained_emulator(prepared.problem, model))
+    kinds = ("step", "periodic", "trend", "unexplained")
+    causes = [one for one in prepared.causes if one.kind in kinds]
+    first = search(context, causes)
+    trend = next(w for w in first.candidates if w.kind == "trend")
+    given = forward_selection._search_given(
+        first, [one for one in causes if one is not trend.cause], trend
+    )
+    waves = [w for w in given.candidates if w.kind == "periodic"]
+    wave = max(waves, key=lambda w: w.log_evidence)
+    steps = [SearchStep(first, None, trend, first), SearchStep(given, None, wave, given)]
+    found = forward_selection._backfitted(steps, causes)
+    assert {step.chosen.kind for step in found} == expected
